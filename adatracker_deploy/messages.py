@@ -1,0 +1,97 @@
+"""The values that travel one way through the loop: frame, observation, action.
+
+They are frozen; arrays in them are not written to after they are made. Times are nanoseconds of the run's
+clock (monotonic, scaled in a rehearsal at ``--speed``), never wall-clock time.
+"""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adatracker_deploy.geometry import Pose
+
+ClassMask = NDArray[np.uint8]
+"""Shape (H, W); values are `MaskClass`."""
+
+
+class MaskClass(enum.IntEnum):
+    """What a pixel of a class mask shows."""
+
+    BACKGROUND = 0
+    TARGET = 1
+    PERSON = 2
+    OBSTACLE = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """What only a simulated camera knows; policies never see it."""
+
+    mask: ClassMask
+    robot: Pose
+    camera: Pose
+    target_xy: tuple[float, float]
+    distance_m: float
+    """Horizontal distance from the robot to the target, m."""
+    bearing_rad: float
+    """Bearing of the target from the robot's heading, rad, positive to the left."""
+    collided: bool
+    """The robot touches an obstacle or a person in this frame."""
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One camera image: RGB uint8 of shape (H, W, 3), its capture time and sequence number."""
+
+    rgb: NDArray[np.uint8]
+    t_ns: int
+    seq: int
+    truth: Truth | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """A bounding box in fractions of the image: centre (cx, cy) from the top left, width and height."""
+
+    cx: float
+    cy: float
+    w: float
+    h: float
+
+    @classmethod
+    def of_mask(cls, mask: ClassMask, value: int = MaskClass.TARGET) -> Box | None:
+        """Return the tight box around the pixels equal to `value`, or None when there are none."""
+        hit = mask == value
+        columns = np.flatnonzero(hit.any(axis=0))
+        if columns.size == 0:
+            return None
+        rows = np.flatnonzero(hit.any(axis=1))
+        height, width = mask.shape
+        left, right = columns[0] / width, (columns[-1] + 1) / width
+        top, bottom = rows[0] / height, (rows[-1] + 1) / height
+        return cls(float(left + right) / 2, float(top + bottom) / 2, float(right - left), float(bottom - top))
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """What perception made of one frame; `t_ns` and `seq` are the frame's."""
+
+    mask: ClassMask
+    box: Box | None
+    """The target's box, or None while it is not seen."""
+    confidence: float
+    t_ns: int
+    seq: int
+
+
+@dataclass(frozen=True, slots=True)
+class Action:
+    """What a policy answered: `values` float32 in [-1, 1], order and signs as its `ActionSpec` states."""
+
+    values: NDArray[np.float32]
+    context: NDArray[np.float32] | None = None
+    """The embodiment context z of shape (n,), where the policy has an encoder."""

@@ -1,0 +1,277 @@
+"""The hardware abstraction: what a robot is to this toolkit, and how robots are found.
+
+A robot is an ordinary Python package that registers one `Platform` subclass under the entry-point group
+``adatracker_deploy.platforms``. The toolkit imports it only when that robot is asked for.
+"""
+
+from __future__ import annotations
+
+import abc
+import math
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint, entry_points
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+
+from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.geometry import Pose
+from adatracker_deploy.schema import Range
+
+if TYPE_CHECKING:
+    from types import TracebackType
+
+    from adatracker_deploy.profile import Profile
+    from adatracker_deploy.runtime.clock import Clock
+
+__all__ = [
+    "ZERO",
+    "Body",
+    "Check",
+    "Limits",
+    "Platform",
+    "PlatformError",
+    "PlatformState",
+    "Sitl",
+    "Twist",
+    "load_platform",
+    "platform_names",
+]
+
+ENTRY_POINT_GROUP = "adatracker_deploy.platforms"
+
+
+@dataclass(frozen=True, slots=True)
+class Twist:
+    """A velocity in the body frame of ROS REP 103: x forward, y left, z up, yaw counter-clockwise."""
+
+    vx: float = 0.0
+    """Forward, m/s."""
+    vy: float = 0.0
+    """Left, m/s."""
+    vz: float = 0.0
+    """Up, m/s."""
+    yaw_rate: float = 0.0
+    """Counter-clockwise seen from above, rad/s."""
+
+    def is_finite(self) -> bool:
+        """Tell whether no component is NaN or infinite."""
+        return all(map(math.isfinite, (self.vx, self.vy, self.vz, self.yaw_rate)))
+
+
+ZERO = Twist()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """What the gate lets through, and when it stops waiting; every value is a magnitude."""
+
+    forward_m_s: Annotated[float, Range(0, 30)]
+    backward_m_s: Annotated[float, Range(0, 30)]
+    lateral_m_s: Annotated[float, Range(0, 30)] = 0.0
+    vertical_m_s: Annotated[float, Range(0, 10)] = 0.0
+    yaw_rate_rad_s: Annotated[float, Range(0, 10)]
+    accel_m_s2: Annotated[float, Range(0.01, 50)]
+    """Largest change of the horizontal and of the vertical velocity, per second."""
+    yaw_accel_rad_s2: Annotated[float, Range(0.01, 100)]
+    command_timeout_s: Annotated[float, Range(0.02, 2)] = 0.2
+    """A command older than this is replaced by zero."""
+    hold_after_s: Annotated[float, Range(0.02, 10)] = 0.5
+    """A command older than this latches a stop: the robot holds."""
+    disengage_after_s: Annotated[float, Range(0.02, 60)] = 1.5
+    """A command older than this disengages: a base is disabled, a drone lands."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlatformState:
+    """The robot as its own telemetry tells it; missing values are None, never guessed."""
+
+    t_ns: int
+    """Clock time of the newest measurement in here, ns; 0 before the first."""
+    mode: str = ""
+    """The robot's own name for its mode, at most 23 ASCII characters."""
+    engaged: bool = False
+    """Velocity commands are accepted and obeyed."""
+    landed: bool = True
+    """On the ground (always true for ground robots)."""
+    pose: Pose | None = None
+    """In the robot's local fixed frame: x east or start-forward, y left of it, z up above the start."""
+    velocity: Twist | None = None
+    """Measured, in the body frame."""
+    battery: float | None = None
+    """State of charge, 0 to 1."""
+    stopped: str = ""
+    """Why a stop has latched; empty while none has. At most 95 characters."""
+
+    def age_s(self, now_ns: int) -> float:
+        """Return the seconds since the newest measurement; infinite before the first."""
+        return (now_ns - self.t_ns) / 1e9 if self.t_ns else math.inf
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One line of a preflight: a failed blocking check refuses to engage."""
+
+    name: str
+    ok: bool
+    message: str
+    """What was found and, when not ok, how to mend it."""
+    blocking: bool = True
+
+
+class Body(abc.ABC):
+    """A robot's dynamics alone: a velocity command and a time step in, a pose out. Deterministic by seed."""
+
+    @abc.abstractmethod
+    def reset(self, pose: Pose, seed: int) -> None:
+        """Stand still at `pose` (a flying body: hover there); draw this episode's randomness from `seed`."""
+
+    @abc.abstractmethod
+    def step(self, command: Twist, dt_s: float) -> None:
+        """Advance by `dt_s` seconds under a velocity command in the body frame."""
+
+    @property
+    @abc.abstractmethod
+    def pose(self) -> Pose:
+        """Where the body's origin is, in the fixed frame: on the ground for ground robots."""
+
+    @property
+    @abc.abstractmethod
+    def camera_pose(self) -> Pose:
+        """Where the camera is and looks: x along the optical axis, z up in the image."""
+
+    @property
+    @abc.abstractmethod
+    def velocity(self) -> Twist:
+        """The velocity now, in the body frame."""
+
+
+class Sitl(abc.ABC):
+    """The simulated far end of a robot's wire, in a process of its own."""
+
+    @abc.abstractmethod
+    def start(self, clock: Clock, seed: int) -> Profile:
+        """Start the far end; return the profile whose connection reaches it.
+
+        Raises:
+            UsageError: a port is taken or an extra is missing.
+        """
+
+    @abc.abstractmethod
+    def close(self) -> None:
+        """End the far end, letting its robot come to rest first (a drone lands). May be called twice."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+class Platform(abc.ABC):
+    """A robot behind its real wire.
+
+    ``connect -> preflight -> engage -> send ... -> hold -> disengage -> close``. `hold`, `disengage` and
+    `close` may be called at any time, twice, from any state and from another thread than the one that sends.
+    Known failures raise `PlatformError`. A stop latches: after `hold`, after a fault or after an unexpected
+    change of mode nothing moves again until an explicit `engage`.
+    """
+
+    name: ClassVar[str]
+    """The name that ``--platform`` takes."""
+    axes: ClassVar[frozenset[str]]
+    """The fields of `Twist` that this robot can follow."""
+    Connection: ClassVar[type[Any]]
+    """Frozen dataclass of the profile's ``connection:`` section."""
+    SitlSettings: ClassVar[type[Any]]
+    """Frozen dataclass of the profile's ``sitl:`` section."""
+    default_profile: ClassVar[str]
+    """The profile used when ``--profile`` is not given."""
+
+    def __init__(self, profile: Profile, clock: Clock) -> None:
+        self.profile = profile
+        self.clock = clock
+
+    @abc.abstractmethod
+    def connect(self) -> None:
+        """Open the wire and hear from the robot once; moves nothing."""
+
+    @abc.abstractmethod
+    def preflight(self) -> tuple[Check, ...]:
+        """Check what must hold before engaging, the robot's own command time-out above all."""
+
+    @abc.abstractmethod
+    def engage(self) -> None:
+        """Return when velocity commands are accepted: a base is enabled, a drone flies offboard."""
+
+    @abc.abstractmethod
+    def send(self, command: Twist, now_ns: int) -> Twist:
+        """Send one velocity command, made at `now_ns`; return what was really sent.
+
+        Raises:
+            PlatformError: the command is not finite (nothing is sent), or the robot is not engaged.
+        """
+
+    @abc.abstractmethod
+    def state(self) -> PlatformState:
+        """Return the newest state; never blocks, carries its own age."""
+
+    @abc.abstractmethod
+    def hold(self, reason: str) -> None:
+        """Stop moving and stay so: latches."""
+
+    @abc.abstractmethod
+    def disengage(self) -> None:
+        """Give up control in the robot's safe way: a base is disabled, a drone lands and disarms."""
+
+    @abc.abstractmethod
+    def close(self) -> None:
+        """Release the wire."""
+
+    @classmethod
+    @abc.abstractmethod
+    def body(cls, profile: Profile) -> Body:
+        """Return the robot's dynamics, as the profile's ``sitl:`` section describes them."""
+
+    @classmethod
+    @abc.abstractmethod
+    def sitl(cls, profile: Profile) -> Sitl:
+        """Return the far end that ``--sitl`` puts behind the wire."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def _registered() -> dict[str, EntryPoint]:
+    return {point.name: point for point in entry_points(group=ENTRY_POINT_GROUP)}
+
+
+def platform_names() -> list[str]:
+    """Return the names of the installed platforms, sorted; imports none of them."""
+    return sorted(_registered())
+
+
+def load_platform(name: str) -> type[Platform]:
+    """Import a robot's package and return its `Platform` class.
+
+    Raises:
+        UsageError: no such robot is installed, or its package's extra is missing.
+    """
+    point = _registered().get(name)
+    if point is None:
+        known = ", ".join(platform_names()) or "none"
+        raise UsageError(f"unknown platform {name!r}: installed are {known}")
+    try:
+        loaded = point.load()
+    except ImportError as error:
+        raise UsageError(
+            f"platform {name!r} needs {error.name}: pip install 'adatracker-deploy[{name}]'"
+        ) from error
+    if not (isinstance(loaded, type) and issubclass(loaded, Platform)):
+        raise UsageError(f"platform {name!r}: {point.value} is not a subclass of Platform")
+    return loaded

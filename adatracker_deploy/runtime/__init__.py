@@ -1,0 +1,1 @@
+"""The real-time side: clock, loop, gate and the supervised link. No robot library, no policy, no camera."""

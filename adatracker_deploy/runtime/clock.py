@@ -1,0 +1,62 @@
+"""Time for everything that runs: monotonic, scaled for fast rehearsals, or fake for tests."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from typing import Protocol
+
+
+class Clock(Protocol):
+    """A monotonic clock in nanoseconds; picklable, and equal in every process that holds a copy."""
+
+    @property
+    def speed(self) -> float:
+        """Seconds of this clock per second of the machine's."""
+
+    def now_ns(self) -> int:
+        """Return the time now."""
+
+    def sleep_until(self, t_ns: int) -> None:
+        """Return at `t_ns` or as soon after as the machine allows; at once when it has passed."""
+
+
+@dataclass(frozen=True, slots=True)
+class MonotonicClock:
+    """The machine's monotonic clock, `speed` times as fast since `epoch_ns`.
+
+    `time.monotonic_ns` is the same in every process of a machine, so copies agree.
+    """
+
+    speed: float = 1.0
+    epoch_ns: int = field(default_factory=time.monotonic_ns)
+
+    def now_ns(self) -> int:
+        """Return the epoch plus `speed` times what has passed since."""
+        return self.epoch_ns + round((time.monotonic_ns() - self.epoch_ns) * self.speed)
+
+    def sleep_until(self, t_ns: int) -> None:
+        """Sleep for what is left of the machine's time."""
+        left_s = (t_ns - self.now_ns()) / 1e9 / self.speed
+        if left_s > 0:
+            time.sleep(left_s)
+
+
+@dataclass(slots=True)
+class FakeClock:
+    """Stands still until it is told; sleeping advances it at once."""
+
+    t_ns: int = 1_000_000_000
+    speed: float = 1.0
+
+    def now_ns(self) -> int:
+        """Return the time it was last set to."""
+        return self.t_ns
+
+    def sleep_until(self, t_ns: int) -> None:
+        """Jump to `t_ns` unless it has passed."""
+        self.t_ns = max(self.t_ns, t_ns)
+
+    def advance(self, seconds: float) -> None:
+        """Let time pass."""
+        self.t_ns += round(seconds * 1e9)

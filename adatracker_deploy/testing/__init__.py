@@ -1,0 +1,1 @@
+"""What an outside robot's tests can inherit: the conformance suite and fakes."""
