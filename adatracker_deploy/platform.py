@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 __all__ = [
     "ZERO",
     "Body",
+    "CameraMount",
     "Check",
     "Limits",
     "Platform",
@@ -115,6 +116,23 @@ class Check:
     message: str
     """What was found and, when not ok, how to mend it."""
     blocking: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraMount:
+    """Where a simulated camera sits on its body; part of a profile's ``sitl:`` section, no policy sees it."""
+
+    forward_m: Annotated[float, Range(-2, 2)] = 0.0
+    up_m: Annotated[float, Range(-1, 4)] = 0.0
+    """Above the body's origin: for a ground robot the camera's height, for a drone its offset."""
+    pitch_deg: Annotated[float, Range(-90, 90)] = 0.0
+    """Positive looks down."""
+    fov_deg: Annotated[float, Range(20, 150)] = 90.0
+    """Horizontal field of view."""
+
+    def pose(self, body: Pose) -> Pose:
+        """Return the camera's pose when the body is at `body`."""
+        return body @ Pose(x=self.forward_m, z=self.up_m, pitch=math.radians(self.pitch_deg))
 
 
 class Body(abc.ABC):
