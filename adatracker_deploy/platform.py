@@ -240,7 +240,10 @@ class Platform(abc.ABC):
 
     @abc.abstractmethod
     def disengage(self) -> None:
-        """Give up control in the robot's safe way: a base is disabled, a drone lands and disarms."""
+        """Give up control in the robot's safe way: a base is disabled, a drone lands and disarms.
+
+        Returns when that is done. A robot that somebody else has taken over is left to them.
+        """
 
     @abc.abstractmethod
     def close(self) -> None:

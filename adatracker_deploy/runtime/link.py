@@ -1,0 +1,209 @@
+"""The link: the one owner of gate and platform, stepped at 50 Hz.
+
+It takes the newest set-point, judges it, sends it, and says what it did. When nobody tells it what to do it
+sends zero, then holds, then disengages; it never starts again by itself. `link_process` runs it in a process
+of its own; tests and lock-step runs step the same code in theirs.
+"""
+
+from __future__ import annotations
+
+import enum
+import threading
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal
+
+from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.platform import ZERO, Limits, Platform, PlatformState, Twist
+from adatracker_deploy.runtime.gate import GateState, Setpoint, Stage, judge
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from adatracker_deploy.runtime.clock import Clock
+
+RATE_HZ = 50.0
+
+Level = Literal["info", "warning", "error"]
+
+
+class Phase(enum.StrEnum):
+    """Where the robot is between connect and close."""
+
+    IDLE = "idle"
+    ENGAGING = "engaging"
+    ACTIVE = "active"
+    HOLDING = "holding"
+    DISENGAGING = "disengaging"
+    DONE = "done"
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something worth writing down."""
+
+    t_ns: int
+    level: Level
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class LinkStatus:
+    """What the link did last, and the robot's own state."""
+
+    phase: Phase
+    state: PlatformState
+    sent: Twist = ZERO
+    reasons: tuple[str, ...] = ()
+    stopped: str = ""
+    """Why a stop has latched; empty while none has."""
+    takeover: bool = False
+    """The stop came from the robot: its pilot or its own protection has control."""
+    t_ns: int = 0
+
+
+class Link:
+    """Supervises one connected platform.
+
+    Args:
+        platform: connected; engaging and disengaging block, so they run in `spawn`.
+        limits: the profile's, in the run's clock.
+        clock: the run's.
+        newest: returns the newest set-point, or None.
+        spawn: runs a blocking manoeuvre; a thread by default, inline in lock-step runs.
+    """
+
+    def __init__(
+        self,
+        platform: Platform,
+        limits: Limits,
+        clock: Clock,
+        newest: Callable[[], Setpoint | None],
+        spawn: Callable[[Callable[[], None]], None] | None = None,
+    ) -> None:
+        self._platform = platform
+        self._limits = limits
+        self._clock = clock
+        self._newest = newest
+        self._spawn = spawn or _in_a_thread
+        self._gate = GateState(armed_ns=clock.now_ns())
+        self._lock = threading.Lock()
+        self._events: list[Event] = []
+        self.status = LinkStatus(Phase.IDLE, platform.state())
+
+    def engage(self) -> None:
+        """Start engaging; `status.phase` becomes ACTIVE, or DONE with a reason."""
+        with self._lock:
+            if self.status.phase is not Phase.IDLE:
+                return
+            self._enter(Phase.ENGAGING)
+        self._spawn(self._engage)
+
+    def hold(self, reason: str) -> None:
+        """Stop and stay; latches."""
+        with self._lock:
+            if self.status.phase is not Phase.ACTIVE:
+                return
+            self._latch(reason)
+        self._spawn(lambda: self._hold(reason))
+
+    def disengage(self, reason: str) -> None:
+        """Give up control in the robot's safe way, from any phase; `status.phase` ends as DONE."""
+        with self._lock:
+            if self.status.phase in (Phase.DISENGAGING, Phase.DONE):
+                return
+            moved = self.status.phase is not Phase.IDLE
+            self._gate = replace(self._gate, stopped=self._gate.stopped or reason)
+            self._enter(Phase.DISENGAGING if moved else Phase.DONE, stopped=self._gate.stopped)
+        if moved:
+            self._spawn(self._disengage)
+
+    def step(self, now_ns: int) -> LinkStatus:
+        """Do one slot's work at `now_ns` and return what was done."""
+        state = self._platform.state()
+        with self._lock:
+            phase = self.status.phase
+            self.status = replace(self.status, state=state, t_ns=now_ns)
+            if phase is Phase.ACTIVE and state.stopped:
+                self._latch(state.stopped, takeover=True)
+                return self.status
+            if phase not in (Phase.ACTIVE, Phase.HOLDING):
+                return self.status
+            self._gate, verdict = judge(self._limits, self._gate, self._newest(), now_ns)
+        if phase is Phase.ACTIVE and verdict.stage <= Stage.ZERO:
+            self._send(verdict.twist, verdict.reasons, now_ns)
+        elif phase is Phase.ACTIVE:
+            self.hold(verdict.reasons[0])
+        elif verdict.stage is Stage.DISENGAGE:
+            self.disengage(verdict.reasons[0])
+        return self.status
+
+    def drain_events(self) -> list[Event]:
+        """Return the events since the last call."""
+        with self._lock:
+            events, self._events = self._events, []
+        return events
+
+    def note(self, level: Level, message: str) -> None:
+        """Write an event down."""
+        self._events.append(Event(self._clock.now_ns(), level, message))
+
+    def _send(self, twist: Twist, reasons: tuple[str, ...], now_ns: int) -> None:
+        try:
+            sent = self._platform.send(twist, now_ns)
+        except PlatformError as error:
+            self.hold(str(error))
+            return
+        with self._lock:
+            self.status = replace(self.status, sent=sent, reasons=reasons)
+
+    def _latch(self, reason: str, *, takeover: bool = False) -> None:
+        self._gate = replace(self._gate, stopped=reason)
+        self._enter(Phase.HOLDING, stopped=reason, takeover=takeover)
+
+    def _enter(self, phase: Phase, *, stopped: str = "", takeover: bool = False) -> None:
+        level: Level = "warning" if stopped and phase is Phase.HOLDING else "info"
+        self.note(level, f"{phase}: {stopped}" if stopped else str(phase))
+        self.status = replace(
+            self.status,
+            phase=phase,
+            sent=self.status.sent if phase is Phase.ACTIVE else ZERO,
+            reasons=(stopped,) if stopped else (),
+            stopped=stopped,
+            takeover=takeover or self.status.takeover,
+        )
+
+    def _engage(self) -> None:
+        error = self._try("engage", self._platform.engage)
+        with self._lock:
+            if self.status.phase is not Phase.ENGAGING:
+                return
+            if error is None:
+                self._gate = GateState(armed_ns=self._clock.now_ns())
+                self._enter(Phase.ACTIVE)
+                return
+        self.disengage(error or "")
+
+    def _hold(self, reason: str) -> None:
+        self._try("hold", lambda: self._platform.hold(reason))
+
+    def _disengage(self) -> None:
+        self._try("disengage", self._platform.disengage)
+        with self._lock:
+            self._enter(Phase.DONE, stopped=self.status.stopped)
+
+    def _try(self, what: str, manoeuvre: Callable[[], None]) -> str | None:
+        """Run a manoeuvre; a failure becomes an event and is returned, since threads lose errors."""
+        try:
+            manoeuvre()
+        except PlatformError as error:
+            reason = str(error)
+        except Exception as error:  # an adapter's bug must still lead to a stop
+            reason = f"{type(error).__name__}: {error}"
+        else:
+            return None
+        self.note("error", f"{what}: {reason}")
+        return reason
+
+
+def _in_a_thread(manoeuvre: Callable[[], None]) -> None:
+    threading.Thread(target=manoeuvre, daemon=True).start()

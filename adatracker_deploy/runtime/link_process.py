@@ -1,0 +1,247 @@
+"""The link in a process of its own, so that it outlives a tracker that hangs, stops or dies.
+
+Set-points and status pass through shared memory (latest only); requests, answers and events through a pipe.
+The pipe's end is the tracker's death certificate: the link then holds, disengages and exits.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import gc
+import multiprocessing
+import os
+import signal
+import threading
+import time
+from typing import TYPE_CHECKING, Any, Self
+
+from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.platform import Check, Limits, Platform, Twist
+from adatracker_deploy.runtime.gate import Setpoint
+from adatracker_deploy.runtime.link import RATE_HZ, Event, Link, LinkStatus, Phase
+from adatracker_deploy.runtime.mailbox import Mailbox
+from adatracker_deploy.runtime.pacer import Pacer
+from adatracker_deploy.runtime.wire import (
+    SETPOINT_BYTES,
+    STATUS_BYTES,
+    pack_setpoint,
+    pack_status,
+    unpack_setpoint,
+    unpack_status,
+)
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+    from types import TracebackType
+
+    from adatracker_deploy.profile import Profile
+    from adatracker_deploy.runtime.clock import Clock
+
+CONNECT_TIMEOUT_S = 40.0
+GONE = "tracker_gone"
+
+
+class LinkProcess:
+    """The tracker's handle on the link process.
+
+    Usable as a context manager: leaving it disengages a robot that is still engaged.
+    """
+
+    def __init__(self, platform: type[Platform], profile: Profile, clock: Clock) -> None:
+        self._clock = clock
+        context = multiprocessing.get_context("spawn")
+        setpoints = context.RawArray("B", Mailbox.size(SETPOINT_BYTES))
+        statuses = context.RawArray("B", Mailbox.size(STATUS_BYTES))
+        self._setpoints = Mailbox(setpoints, SETPOINT_BYTES)
+        self._statuses = Mailbox(statuses, STATUS_BYTES)
+        self._pipe, far_end = context.Pipe()
+        self._events: list[Event] = []
+        self._process = context.Process(
+            target=_main, args=(platform, profile, clock, setpoints, statuses, far_end), name="link"
+        )
+        self._process.start()
+        far_end.close()
+
+    @property
+    def pid(self) -> int:
+        """The link's process id."""
+        return self._process.pid or 0
+
+    def connect(self) -> tuple[Check, ...]:
+        """Wait until the link has connected and return the robot's preflight.
+
+        Raises:
+            UsageError: the connection's settings cannot work.
+            PlatformError: the robot does not answer, or the link process died.
+        """
+        deadline = time.monotonic() + CONNECT_TIMEOUT_S
+        while time.monotonic() < deadline:
+            message = self._receive(timeout_s=0.05)
+            if message is None:
+                continue
+            kind, value = message
+            if kind == "connected":
+                return tuple(value)
+            if kind == "usage_error":
+                raise UsageError(value)
+            if kind == "platform_error":
+                raise PlatformError(value)
+        raise PlatformError(f"the robot's link did not come up within {CONNECT_TIMEOUT_S:g} s")
+
+    def engage(self) -> None:
+        """Ask for engaging; `status().phase` tells when it is done."""
+        self._ask("engage", "")
+
+    def send(self, twist: Twist, now_ns: int) -> None:
+        """Publish a set-point; never blocks."""
+        self._setpoints.write(pack_setpoint(Setpoint(twist, now_ns)))
+
+    def hold(self, reason: str) -> None:
+        """Ask for a latched stop."""
+        self._ask("hold", reason)
+
+    def disengage(self, reason: str) -> None:
+        """Ask for disengaging; `status().phase` tells when it is done."""
+        self._ask("disengage", reason)
+
+    def status(self) -> LinkStatus | None:
+        """Return what the link did last, or None before its first step."""
+        message = self._statuses.read()
+        return None if message is None else unpack_status(message)
+
+    def alive(self) -> bool:
+        """Tell whether the link process still runs."""
+        return self._process.is_alive()
+
+    def drain_events(self) -> list[Event]:
+        """Return what the link noted since the last call."""
+        with contextlib.suppress(PlatformError):
+            while self._receive(timeout_s=0) is not None:
+                pass
+        events, self._events = self._events, []
+        return events
+
+    def close(self, timeout_s: float = 60.0) -> None:
+        """Disengage if need be, end the process and wait for it; may be called twice."""
+        self._ask("close", "closed")
+        self._process.join(timeout_s)
+        if self._process.is_alive():
+            self._process.terminate()
+            self._process.join()
+        self._pipe.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _ask(self, request: str, reason: str) -> None:
+        with contextlib.suppress(OSError):  # a dead link is seen by `alive`; asking it again is no error
+            self._pipe.send((request, reason))
+
+    def _receive(self, timeout_s: float) -> tuple[str, Any] | None:
+        try:
+            if not self._pipe.poll(timeout_s):
+                return None
+            kind, value = self._pipe.recv()
+        except (OSError, EOFError) as error:
+            raise PlatformError("the link process died; the robot's own time-out stops it") from error
+        if kind == "event":
+            self._events.append(value)
+        return kind, value
+
+
+def _main(  # noqa: PLR0917 -- what a new process is given comes by position
+    platform_class: type[Platform],
+    profile: Profile,
+    clock: Clock,
+    setpoints: Any,
+    statuses: Any,
+    pipe: Connection,
+) -> None:
+    os.setsid()  # Ctrl-C and Ctrl-Z in the tracker's terminal must not reach the link
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    platform = platform_class(profile, clock)
+    try:
+        platform.connect()
+        checks = platform.preflight()
+    except (UsageError, PlatformError) as error:
+        kind = "usage_error" if isinstance(error, UsageError) else "platform_error"
+        _tell(pipe, kind, str(error))
+        platform.close()
+        return
+    inbox, outbox = Mailbox(setpoints, SETPOINT_BYTES), Mailbox(statuses, STATUS_BYTES)
+
+    def newest() -> Setpoint | None:
+        message = inbox.read()
+        return None if message is None else unpack_setpoint(message)
+
+    link = Link(platform, wall_timeouts(profile.limits, clock.speed), clock, newest)
+    terminated = threading.Event()
+    signal.signal(signal.SIGTERM, lambda *_: terminated.set())
+    gc.collect()
+    gc.freeze()  # a full collection of a warm process takes longer than a slot
+    outbox.write(pack_status(link.status))
+    _tell(pipe, "connected", checks)
+    try:
+        _serve(link, Pacer(clock, RATE_HZ), pipe, outbox, terminated)
+    finally:
+        platform.close()
+
+
+def wall_timeouts(limits: Limits, speed: float) -> Limits:
+    """Scale the time-outs to the run's clock: a loss takes as long to notice however fast the rehearsal."""
+    return dataclasses.replace(
+        limits,
+        command_timeout_s=limits.command_timeout_s * speed,
+        hold_after_s=limits.hold_after_s * speed,
+        disengage_after_s=limits.disengage_after_s * speed,
+    )
+
+
+def _serve(link: Link, pacer: Pacer, pipe: Connection, outbox: Mailbox, terminated: threading.Event) -> None:
+    """Step the link until it is closed and the robot has come to rest."""
+    closing = False
+    while not (closing and link.status.phase is Phase.DONE):
+        tick = pacer.wait()
+        try:
+            while not closing and pipe.poll():
+                request, reason = pipe.recv()
+                closing = _obey(link, request, reason)
+        except (OSError, EOFError):
+            closing = True
+            link.disengage(GONE)
+        if terminated.is_set() and not closing:
+            closing = True
+            link.disengage("terminated")
+        try:
+            status = link.step(tick.t_ns)
+        except Exception as error:  # whatever breaks here, the robot must be brought to rest
+            link.note("error", f"link: {type(error).__name__}: {error}")
+            link.disengage("link_fault")
+            status = link.status
+        outbox.write(pack_status(status))
+        for event in link.drain_events():
+            _tell(pipe, "event", event)
+    for event in link.drain_events():
+        _tell(pipe, "event", event)
+
+
+def _obey(link: Link, request: str, reason: str) -> bool:
+    """Carry out one request; tell whether it was the last."""
+    if request == "engage":
+        link.engage()
+    elif request == "hold":
+        link.hold(reason)
+    else:
+        link.disengage(reason)
+    return request == "close"
+
+
+def _tell(pipe: Connection, kind: str, value: Any) -> None:
+    with contextlib.suppress(OSError):  # the tracker may be gone
+        pipe.send((kind, value))

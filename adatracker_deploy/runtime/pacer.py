@@ -1,0 +1,50 @@
+"""A rate kept at absolute deadlines: no drift, and a missed slot is skipped, never replayed in a burst."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from adatracker_deploy.runtime.clock import Clock
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """One slot that is being used."""
+
+    t_ns: int
+    """The clock now."""
+    lateness_s: float
+    """How long after its deadline the slot began; below half a period."""
+    skipped: int
+    """Slots missed since the tick before."""
+
+
+class Pacer:
+    """Slots at ``start + k / rate``. Two ticks are never closer than half a period."""
+
+    def __init__(self, clock: Clock, rate_hz: float) -> None:
+        self._clock = clock
+        self._period_ns = 1e9 / rate_hz
+        self._start_ns = clock.now_ns()
+        self._slot = -1
+        self.missed = 0
+        """Slots skipped so far."""
+
+    def wait(self) -> Tick:
+        """Sleep until the next slot that is not yet half over."""
+        skipped = -1
+        while True:
+            elapsed_ns = self._clock.now_ns() - self._start_ns
+            reachable = math.ceil(elapsed_ns / self._period_ns - 0.5)
+            next_slot = max(self._slot + 1, reachable)
+            skipped += next_slot - self._slot
+            self._slot = next_slot
+            deadline_ns = self._start_ns + round(next_slot * self._period_ns)
+            self._clock.sleep_until(deadline_ns)
+            now_ns = self._clock.now_ns()
+            if now_ns - deadline_ns <= self._period_ns / 2:
+                self.missed += skipped
+                return Tick(now_ns, max(0, now_ns - deadline_ns) / 1e9, skipped)

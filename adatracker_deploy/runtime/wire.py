@@ -1,0 +1,55 @@
+"""Set-points and status as bytes, for the shared memory between the tracker and the link."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from typing import Any
+
+from adatracker_deploy.geometry import Pose
+from adatracker_deploy.platform import PlatformState, Twist
+from adatracker_deploy.runtime.gate import Setpoint
+from adatracker_deploy.runtime.link import LinkStatus, Phase
+
+SETPOINT_BYTES = 512
+STATUS_BYTES = 4096
+
+
+def pack_setpoint(setpoint: Setpoint) -> bytes:
+    """Encode a set-point; NaN and infinities survive, so that the gate sees them."""
+    return json.dumps([setpoint.t_ns, *dataclasses.astuple(setpoint.twist)]).encode()
+
+
+def unpack_setpoint(message: bytes) -> Setpoint:
+    """Decode a set-point."""
+    t_ns, *twist = json.loads(message)
+    return Setpoint(Twist(*twist), t_ns)
+
+
+def pack_status(status: LinkStatus) -> bytes:
+    """Encode a status; its texts are cut so that it always fits."""
+    state = dataclasses.replace(status.state, stopped=status.state.stopped[:400], mode=status.state.mode[:64])
+    short = dataclasses.replace(
+        status,
+        state=state,
+        stopped=status.stopped[:400],
+        reasons=tuple(reason[:400] for reason in status.reasons[:4]),
+    )
+    return json.dumps(dataclasses.asdict(short)).encode()
+
+
+def unpack_status(message: bytes) -> LinkStatus:
+    """Decode a status."""
+    fields: dict[str, Any] = json.loads(message)
+    state = fields["state"]
+    state["pose"] = state["pose"] and Pose(**state["pose"])
+    state["velocity"] = state["velocity"] and Twist(**state["velocity"])
+    return LinkStatus(
+        phase=Phase(fields["phase"]),
+        state=PlatformState(**state),
+        sent=Twist(**fields["sent"]),
+        reasons=tuple(fields["reasons"]),
+        stopped=fields["stopped"],
+        takeover=fields["takeover"],
+        t_ns=fields["t_ns"],
+    )
