@@ -1,1 +1,55 @@
-"""The one command: a thin module for each subcommand; nothing here knows how anything is done."""
+"""The one command: a thin module for each subcommand; nothing here knows how anything is done.
+
+A subcommand's module has `add_parser(subparsers)`, which sets its `run(args) -> exit status` as a default.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from typing import NoReturn
+
+from adatracker_deploy import __version__
+from adatracker_deploy.errors import PlatformError, UsageError
+
+STARTED_S = time.monotonic()
+"""When this process began, as near as Python code can tell."""
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise UsageError(f"{message}; see {self.prog} --help")
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command; return its exit status: 0 done, 1 stopped or failed, 2 wrong request, 130 interrupted."""
+    try:
+        args = _parser().parse_args(argv)
+        status: int = args.run(args)
+    except UsageError as error:
+        print(f"adatracker-deploy: {error}", file=sys.stderr)
+        return 2
+    except PlatformError as error:
+        print(f"adatracker-deploy: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("adatracker-deploy: interrupted", file=sys.stderr)
+        return 130
+    return status
+
+
+def _parser() -> argparse.ArgumentParser:
+    from adatracker_deploy.cli import filmstrip, lists, run, score
+
+    parser = _Parser(
+        prog="adatracker-deploy",
+        description="Run a person-following policy on a robot, or rehearse it in software-in-the-loop.",
+        epilog="Without a command it runs: adatracker-deploy --platform drone --sitl",
+    )
+    parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
+    run.add_arguments(parser)
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", parser_class=_Parser)
+    for module in (score, filmstrip, lists):
+        module.add_parser(commands)
+    return parser

@@ -1,7 +1,7 @@
 """One writer's newest message, in memory that two processes share.
 
 The writer never waits, and overwrites the older of two slots; each slot carries its number and a checksum,
-so a reader takes the newest whole one. A writer killed in the middle of a write costs that message, nothing else.
+so a reader takes the newest whole one. A writer killed while it writes costs that message, nothing else.
 """
 
 from __future__ import annotations

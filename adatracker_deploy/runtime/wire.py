@@ -12,7 +12,8 @@ from adatracker_deploy.runtime.gate import Setpoint
 from adatracker_deploy.runtime.link import LinkStatus, Phase
 
 SETPOINT_BYTES = 512
-STATUS_BYTES = 4096
+STATUS_BYTES = 16384
+_LONGEST_TEXT = 200
 
 
 def pack_setpoint(setpoint: Setpoint) -> bytes:
@@ -28,12 +29,14 @@ def unpack_setpoint(message: bytes) -> Setpoint:
 
 def pack_status(status: LinkStatus) -> bytes:
     """Encode a status; its texts are cut so that it always fits."""
-    state = dataclasses.replace(status.state, stopped=status.state.stopped[:400], mode=status.state.mode[:64])
+    state = dataclasses.replace(
+        status.state, stopped=status.state.stopped[:_LONGEST_TEXT], mode=status.state.mode[:64]
+    )
     short = dataclasses.replace(
         status,
         state=state,
-        stopped=status.stopped[:400],
-        reasons=tuple(reason[:400] for reason in status.reasons[:4]),
+        stopped=status.stopped[:_LONGEST_TEXT],
+        reasons=tuple(reason[:_LONGEST_TEXT] for reason in status.reasons[:4]),
     )
     return json.dumps(dataclasses.asdict(short)).encode()
 

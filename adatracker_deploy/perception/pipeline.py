@@ -1,0 +1,71 @@
+"""Perception beside the loop: it hands over only the newest observation, and the loop never waits for it."""
+
+from __future__ import annotations
+
+import threading
+from typing import TYPE_CHECKING, NamedTuple, Self
+
+from adatracker_deploy.runtime.pacer import Pacer
+
+if TYPE_CHECKING:
+    from types import TracebackType
+
+    from adatracker_deploy.messages import Frame, Observation
+    from adatracker_deploy.perception.camera import Camera
+    from adatracker_deploy.perception.segmenter import Segmenter
+    from adatracker_deploy.runtime.clock import Clock
+
+
+class Seen(NamedTuple):
+    """An observation with the frame it was made from."""
+
+    frame: Frame
+    observation: Observation
+
+
+class Perception:
+    """Reads and segments frames at a steady rate in a thread of its own."""
+
+    def __init__(self, camera: Camera, segmenter: Segmenter, clock: Clock, rate_hz: float) -> None:
+        self._camera = camera
+        self._segmenter = segmenter
+        self._clock = clock
+        self._rate_hz = rate_hz
+        self._newest: Seen | None = None
+        self._error: Exception | None = None
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="perception", daemon=True)
+        self._thread.start()
+
+    def newest(self) -> Seen | None:
+        """Return the newest observation, or None before the first; never blocks.
+
+        Raises:
+            Exception: whatever ended the camera or the segmenter.
+        """
+        if self._error is not None:
+            raise self._error
+        return self._newest
+
+    def close(self) -> None:
+        """End the thread; may be called twice."""
+        self._ending.set()
+        self._thread.join()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _run(self) -> None:
+        pacer = Pacer(self._clock, self._rate_hz)
+        try:
+            while not self._ending.is_set():
+                frame = self._camera.read(pacer.wait().t_ns)
+                if frame is not None:
+                    self._newest = Seen(frame, self._segmenter(frame))
+        except Exception as error:  # handed to whoever asks next
+            self._error = error

@@ -1,0 +1,110 @@
+"""A virtual camera: renders a world from the pose that the robot itself reports.
+
+The robot may be simulated or real: a real drone in an empty field, or any other autopilot or simulator behind
+the same wire, follows a virtual person this way.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from adatracker_deploy.geometry import Pose
+from adatracker_deploy.messages import Frame, Truth
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from adatracker_deploy.platform import CameraMount
+    from adatracker_deploy.world import World
+
+BODY_RADIUS_M = 0.3
+"""How near an obstacle counts as a collision."""
+
+
+@dataclass(frozen=True, slots=True)
+class Anchor:
+    """Where the robot's own fixed frame lies in the world: turned by `yaw`, then moved. Heights agree."""
+
+    x: float
+    y: float
+    yaw: float
+
+    @classmethod
+    def between(cls, robot: Pose, world: Pose) -> Anchor:
+        """Return the anchor that takes `robot`, in its own frame, to `world`."""
+        yaw = world.yaw - robot.yaw
+        x = world.x - math.cos(yaw) * robot.x + math.sin(yaw) * robot.y
+        y = world.y - math.sin(yaw) * robot.x - math.cos(yaw) * robot.y
+        return cls(x, y, yaw)
+
+    def to_world(self, pose: Pose) -> Pose:
+        """Return a pose of the robot's frame in the world."""
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        return Pose(
+            self.x + c * pose.x - s * pose.y,
+            self.y + s * pose.x + c * pose.y,
+            pose.z,
+            pose.roll,
+            pose.pitch,
+            pose.yaw + self.yaw,
+        )
+
+
+class WorldCamera:
+    """Renders `world` whenever it is read.
+
+    The first frame anchors the robot at the world's start, which faces the target; the people stand still
+    until `go`.
+
+    Args:
+        world: the world; stepped here and nowhere else.
+        mount: where the camera sits on the body.
+        pose: returns the robot's newest reported pose, or None.
+        size: image width and height, px.
+    """
+
+    def __init__(
+        self, world: World, mount: CameraMount, pose: Callable[[], Pose | None], size: tuple[int, int]
+    ) -> None:
+        self._world = world
+        self._mount = mount
+        self._pose = pose
+        self._size = size
+        self._anchor: Anchor | None = None
+        self._going = False
+        self._last_ns: int | None = None
+        self._seq = 0
+
+    def go(self) -> None:
+        """Let the people walk from the next frame on."""
+        self._going = True
+
+    def read(self, now_ns: int) -> Frame | None:
+        """Move the world to `now_ns` and render it; None while the robot has reported no pose."""
+        reported = self._pose()
+        if reported is None:
+            return None
+        if self._anchor is None:
+            self._anchor = Anchor.between(reported, self._world.start)
+        robot = self._anchor.to_world(reported)
+        if self._going:
+            last_ns = self._last_ns if self._last_ns is not None else now_ns
+            self._world.step((now_ns - last_ns) / 1e9, robot)
+            self._last_ns = now_ns
+        camera = self._mount.pose(robot)
+        width, height = self._size
+        mask, rgb = self._world.render(camera, math.radians(self._mount.fov_deg), height, width)
+        x, y = self._world.target_xy
+        self._seq += 1
+        truth = Truth(
+            mask=mask,
+            robot=robot,
+            camera=camera,
+            target_xy=(x, y),
+            distance_m=robot.distance_to(x, y),
+            bearing_rad=robot.bearing_to(x, y),
+            collided=self._world.collides(robot.x, robot.y, robot.z, BODY_RADIUS_M),
+        )
+        return Frame(rgb, now_ns, self._seq, truth)

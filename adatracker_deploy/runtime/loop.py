@@ -1,0 +1,161 @@
+"""The loop: observe, act, command, write down; at absolute deadlines, until the trial ends."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+from adatracker_deploy.platform import ZERO, Limits, Twist
+from adatracker_deploy.policy.base import Policy, to_twist
+from adatracker_deploy.runtime.link import LinkStatus, Phase
+from adatracker_deploy.runtime.pacer import Pacer, Tick
+from adatracker_deploy.trial.metrics import MAX_LOST_STEPS, target_visible
+from adatracker_deploy.trial.record import Latency, Outcome, StepRecord
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from adatracker_deploy.messages import Action
+    from adatracker_deploy.perception.pipeline import Seen
+    from adatracker_deploy.runtime.clock import Clock
+
+STALE_OBSERVATION_S = 0.3
+"""An older observation is not acted on: zero is sent, and the step counts as lost. Machine time."""
+BLIND_S = 2.0
+"""Without a fresh observation for this long the trial ends. Machine time."""
+
+
+class Commands(Protocol):
+    """The loop's side of a link."""
+
+    def send(self, twist: Twist, now_ns: int) -> None:
+        """Publish a set-point; never blocks."""
+
+    def status(self) -> LinkStatus | None:
+        """Return what the link did last."""
+
+    def alive(self) -> bool:
+        """Tell whether the link still runs."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ending:
+    """How a trial ended."""
+
+    outcome: Outcome
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Loop:
+    """One trial's loop over parts that are already running."""
+
+    observe: Callable[[], Seen | None]
+    policy: Policy
+    link: Commands
+    limits: Limits
+    clock: Clock
+    write: Callable[[StepRecord, Seen], None]
+    """Takes every tick's record; must not block."""
+
+    def run(self, steps: int) -> Ending:
+        """Run at the policy's rate until the trial ends.
+
+        The first tick's box is the reference that scoring measures against, so a whole trial has
+        `steps` + 1 ticks, numbered from 0.
+        """
+        pacer = Pacer(self.clock, self.policy.info.rate_hz)
+        lost = 0
+        for step in range(steps + 1):
+            tick = pacer.wait()
+            status, seen = self.link.status(), self.observe()
+            if not self.link.alive() or status is None:
+                return Ending("system_fault", "the link process died; the robot's own time-out stops it")
+            if seen is None:
+                return Ending("system_fault", "the camera has given no frame")
+            if ending := self._prevented(tick, status, seen):
+                return ending
+            action, infer_ms = self._act(tick, seen)
+            command = to_twist(action.values, self.policy.info.action, self.limits) if action else ZERO
+            self.link.send(command, tick.t_ns)
+            latency = Latency(
+                observation_age_ms=(tick.t_ns - seen.frame.t_ns) / 1e6,
+                infer_ms=infer_ms,
+                sensor_to_command_ms=(self.clock.now_ns() - seen.frame.t_ns) / 1e6,
+                lateness_ms=tick.lateness_s * 1e3,
+            )
+            record = _record(
+                step=step,
+                tick=tick,
+                seen=seen,
+                status=status,
+                action=action,
+                command=command,
+                latency=latency,
+                missed_deadlines=pacer.missed,
+            )
+            self.write(record, seen)
+            lost = 0 if record.box else lost + 1
+            if lost >= MAX_LOST_STEPS:
+                return Ending("lost", f"the target was not seen for {lost} steps")
+            if seen.frame.truth is not None and seen.frame.truth.collided:
+                return Ending("collision", "the robot touched an obstacle or a person")
+        return Ending("completed")
+
+    def _prevented(self, tick: Tick, status: LinkStatus, seen: Seen) -> Ending | None:
+        """Say why this tick cannot be driven; None when it can."""
+        if status.phase is not Phase.ACTIVE:
+            return Ending("takeover" if status.takeover else "safety_stop", status.stopped)
+        age_s = self._age_s(tick, seen)
+        return Ending("safety_stop", f"no new camera frame for {age_s:.1f} s") if age_s > BLIND_S else None
+
+    def _act(self, tick: Tick, seen: Seen) -> tuple[Action | None, float]:
+        """Ask the policy; return its action, or None on a stale observation, and the ms it took."""
+        if self._age_s(tick, seen) > STALE_OBSERVATION_S:
+            return None, 0.0
+        began_ns = time.perf_counter_ns()
+        action = self.policy.act(seen.observation)
+        return action, (time.perf_counter_ns() - began_ns) / 1e6
+
+    def _age_s(self, tick: Tick, seen: Seen) -> float:
+        """Age of the observation in machine time: a stall is a stall however fast the rehearsal."""
+        return (tick.t_ns - seen.frame.t_ns) / 1e9 / self.clock.speed
+
+
+def _record(
+    *,
+    step: int,
+    tick: Tick,
+    seen: Seen,
+    status: LinkStatus,
+    action: Action | None,
+    command: Twist,
+    latency: Latency,
+    missed_deadlines: int,
+) -> StepRecord:
+    """Write one tick down; without an action the observation was too old and the step counts as lost."""
+    observation, truth, state = seen.observation, seen.frame.truth, status.state
+    return StepRecord(
+        step=step,
+        t_ns=tick.t_ns,
+        frame_seq=observation.seq,
+        box=observation.box if action else None,
+        confidence=observation.confidence if action else 0.0,
+        action=tuple(map(float, action.values)) if action else (),
+        context=tuple(map(float, action.context)) if action and action.context is not None else (),
+        command=command,
+        sent=status.sent,
+        gate=status.reasons,
+        mode=state.mode,
+        pose=state.pose,
+        velocity=state.velocity,
+        battery=state.battery,
+        state_age_s=state.age_s(tick.t_ns),
+        latency=latency,
+        missed_deadlines=missed_deadlines,
+        distance_m=truth and truth.distance_m,
+        bearing_rad=truth and truth.bearing_rad,
+        target_visible=truth
+        and target_visible(truth.distance_m, truth.bearing_rad, observation.box is not None),
+    )

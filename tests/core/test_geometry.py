@@ -1,0 +1,59 @@
+"""Poses compose as rotations do, and boxes are as tight as their masks."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from adatracker_deploy.geometry import Pose, wrap_angle
+from adatracker_deploy.messages import Box, MaskClass
+from adatracker_deploy.perception.world_camera import Anchor
+
+lengths = st.floats(-50, 50)
+angles = st.floats(-3.1, 3.1)
+poses = st.builds(Pose, lengths, lengths, lengths, angles, st.floats(-1.5, 1.5), angles)
+
+
+@given(st.floats(-100, 100))
+def test_a_wrapped_angle_points_the_same_way(angle):
+    wrapped = wrap_angle(angle)
+    assert -math.pi < wrapped <= math.pi
+    assert math.cos(wrapped) == pytest.approx(math.cos(angle), abs=1e-9)
+    assert math.sin(wrapped) == pytest.approx(math.sin(angle), abs=1e-9)
+
+
+@given(poses, poses)
+def test_composing_poses_composes_their_rotations_and_places(a, b):
+    made = a @ b
+    np.testing.assert_allclose(made.rotation(), a.rotation() @ b.rotation(), atol=1e-7)
+    np.testing.assert_allclose(
+        made.translation(), a.rotation() @ b.translation() + a.translation(), atol=1e-7
+    )
+
+
+def test_a_positive_pitch_looks_down_and_a_positive_bearing_is_left():
+    assert Pose(pitch=0.3).rotation()[2, 0] < 0
+    assert Pose(yaw=math.pi / 2).bearing_to(-1.0, 0.0) == pytest.approx(math.pi / 2)
+
+
+@given(st.builds(Pose, lengths, lengths, yaw=angles), st.builds(Pose, lengths, lengths, yaw=angles), lengths)
+def test_an_anchor_takes_the_start_to_the_start_and_keeps_shapes(robot, world, ahead):
+    anchor = Anchor.between(robot, world)
+    start = anchor.to_world(robot)
+    assert (start.x, start.y) == pytest.approx((world.x, world.y), abs=1e-6)
+    moved, expected = anchor.to_world(robot @ Pose(x=ahead, y=1.0)), world @ Pose(x=ahead, y=1.0)
+    assert (moved.x, moved.y) == pytest.approx((expected.x, expected.y), abs=1e-6)
+
+
+def test_a_box_is_tight_around_its_class():
+    mask = np.zeros((10, 20), np.uint8)
+    mask[2:5, 4:8] = MaskClass.TARGET
+    mask[0, 0] = MaskClass.PERSON
+    box = Box.of_mask(mask)
+    assert box is not None
+    assert (box.cx, box.cy, box.w, box.h) == pytest.approx((0.3, 0.35, 0.2, 0.3))
+    assert Box.of_mask(np.zeros((4, 4), np.uint8)) is None
