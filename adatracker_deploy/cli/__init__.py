@@ -23,7 +23,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the command; return its exit status: 0 done, 1 stopped or failed, 2 wrong request, 130 interrupted."""
+    """Run the command; return 0 done, 1 stopped or failed, 2 a wrong request, 130 interrupted."""
     try:
         args = _parser().parse_args(argv)
         status: int = args.run(args)

@@ -1,4 +1,4 @@
-"""What a person sees while a run goes on: a line that changes in a terminal, a line now and then elsewhere."""
+"""What a person sees while a run goes on: a changing line in a terminal, a line now and then elsewhere."""
 
 from __future__ import annotations
 

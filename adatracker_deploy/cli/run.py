@@ -1,0 +1,145 @@
+"""The run itself: ``adatracker-deploy --platform NAME [--sitl] ...``."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import math
+import signal
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from adatracker_deploy.errors import UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from adatracker_deploy.trial_run import TrialPlan
+
+RESULTS = ("completed", "lost", "wrong_person", "collision")
+"""Outcomes that are results of a trial, not failures of the run."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the run's options to the command itself."""
+    what = parser.add_argument_group("what to run")
+    what.add_argument("--platform", metavar="NAME", help="the robot: see 'adatracker-deploy platforms'")
+    what.add_argument("--sitl", action="store_true", help="simulate the far end of the robot's wire")
+    what.add_argument("--profile", metavar="NAME|FILE", help="the robot's profile (default: the platform's)")
+    what.add_argument("--policy", metavar="NAME|DIR", default="pid", help="a policy (default: %(default)s)")
+    how = parser.add_argument_group("how")
+    how.add_argument("--steps", type=_whole(1, 1_000_000), default=600, help="ticks (default: %(default)s)")
+    how.add_argument("--trials", type=_whole(1, 1000), default=1, help="trials, seeds from --seed up")
+    how.add_argument("--seed", type=_whole(0, 2**31 - 1), default=0, help="of the world and the simulation")
+    how.add_argument("--speed", type=_number(0.1, 20), help="times real time; only with --sitl")
+    view = parser.add_argument_group("what it sees")
+    view.add_argument("--camera", metavar="URI", help="world://SCENE: a virtual world, also for a real robot")
+    view.add_argument("--scene", metavar="NAME", help="short for --camera world://NAME")
+    view.add_argument(
+        "--target-speed", type=_number(0, 5), default=1.0, metavar="M_S", help="of the person (default: 1.0)"
+    )
+    out = parser.add_argument_group("what it leaves")
+    out.add_argument("--log-dir", type=Path, default=Path("trials"), help="default: %(default)s")
+    out.add_argument("--json", action="store_true", help="one JSON object as the last line of stdout")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the trials, show their scores, and return the exit status."""
+    from rich.console import Console
+
+    from adatracker_deploy.cli import STARTED_S
+    from adatracker_deploy.cli.progress import Progress
+    from adatracker_deploy.trial.summary import summarise_set, summary_table
+    from adatracker_deploy.trial_run import run_trial
+
+    plan = _plan(args)
+    signal.signal(signal.SIGTERM, _interrupt)
+    console = Console(stderr=args.json)
+    summaries: list[dict[str, Any]] = []
+    started_s = STARTED_S
+    for trial in range(args.trials):
+        if args.trials > 1:
+            console.rule(f"trial {trial + 1} of {args.trials}")
+        seeded = dataclasses.replace(plan, seed=plan.seed + trial)
+        summaries.append(run_trial(seeded, Progress(console, plan.steps), started_s))
+        started_s = time.monotonic()
+        if summaries[-1]["outcome"] == "interrupted":
+            break
+    console.print(summary_table(summaries))
+    if args.json:
+        print(json.dumps(summaries[0] if args.trials == 1 else summarise_set(summaries)))
+    outcomes = {summary["outcome"] for summary in summaries}
+    if "interrupted" in outcomes:
+        return 130
+    return 0 if outcomes.issubset(RESULTS) else 1
+
+
+def _plan(args: argparse.Namespace) -> TrialPlan:
+    """Check everything that was asked for before anything moves."""
+    from adatracker_deploy.perception.camera import WORLD, scene_of
+    from adatracker_deploy.platform import load_platform
+    from adatracker_deploy.policy.catalogue import load_policy
+    from adatracker_deploy.profile import load_profile
+    from adatracker_deploy.trial_run import TrialPlan
+
+    if args.platform is None:
+        raise UsageError("nothing to do: say which robot with --platform, or see --help")
+    if args.speed is not None and not args.sitl:
+        raise UsageError("--speed is for rehearsals: a real robot cannot be sped up; add --sitl")
+    if args.camera and args.scene:
+        raise UsageError("--scene NAME is short for --camera world://NAME: give one of them")
+    platform = load_platform(args.platform)
+    profile = load_profile(args.profile or platform.default_profile, platform)
+    scene = scene_of(args.camera or (WORLD + args.scene if args.scene else profile.camera.uri))
+    _check_world(scene)
+    return TrialPlan(
+        platform=platform,
+        profile=profile,
+        policy=load_policy(args.policy),
+        scene=scene,
+        sitl=args.sitl,
+        steps=args.steps,
+        target_speed_m_s=args.target_speed,
+        seed=args.seed,
+        speed=args.speed or 1.0,
+        log_dir=args.log_dir,
+    )
+
+
+def _check_world(scene: str) -> None:
+    try:
+        from adatracker_deploy.world import check_scene
+    except ImportError as error:
+        raise UsageError(
+            f"a virtual world needs {error.name}: pip install 'adatracker-deploy[sitl]'"
+        ) from error
+    check_scene(scene)
+
+
+def _interrupt(*_: object) -> NoReturn:
+    raise KeyboardInterrupt
+
+
+def _whole(low: int, high: int) -> Callable[[str], int]:
+    def convert(text: str) -> int:
+        value = int(text)
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"{value} is out of range [{low}, {high}]")
+        return value
+
+    convert.__name__ = "whole number"
+    return convert
+
+
+def _number(low: float, high: float) -> Callable[[str], float]:
+    def convert(text: str) -> float:
+        value = float(text)
+        if not (math.isfinite(value) and low <= value <= high):
+            raise argparse.ArgumentTypeError(f"{text} is out of range [{low:g}, {high:g}]")
+        return value
+
+    convert.__name__ = "number"
+    return convert

@@ -1,0 +1,292 @@
+"""One trial from connect to close: the parts start in order and, whatever happens, end in order.
+
+This is the only module that knows all the rooms: the far end, the link, the world's camera, perception, the
+policy, the loop and the log.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import math
+import signal
+import time
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.perception.pipeline import Perception, Seen
+from adatracker_deploy.perception.segmenter import segment_truth
+from adatracker_deploy.perception.world_camera import WorldCamera
+from adatracker_deploy.platform import ZERO
+from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_deploy.runtime.link import LinkStatus, Phase
+from adatracker_deploy.runtime.link_process import LinkProcess
+from adatracker_deploy.runtime.loop import Ending, Loop
+from adatracker_deploy.trial.log import TrialLog
+from adatracker_deploy.trial.summary import summarise
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from adatracker_deploy.geometry import Pose
+    from adatracker_deploy.platform import Check, Platform
+    from adatracker_deploy.policy.base import Policy
+    from adatracker_deploy.profile import Profile
+    from adatracker_deploy.trial.record import StepRecord
+
+ENGAGE_TIMEOUT_S = 60.0
+FIRST_SIGHT_TIMEOUT_S = 10.0
+DISENGAGE_TIMEOUT_S = 60.0
+STANDSTILL_TIMEOUT_S = 5.0
+STANDSTILL_M_S = 0.25
+"""Slower than this counts as standing: just above the velocity noise of a small drone's estimator."""
+POLL_S = 0.02
+IMAGE_SIZE = (160, 160)
+"""Of the virtual camera, px: the size at which masks are drawn for policies."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialPlan:
+    """What a trial needs; everything in it has been checked."""
+
+    platform: type[Platform]
+    profile: Profile
+    policy: Policy
+    scene: str
+    sitl: bool
+    steps: int
+    target_speed_m_s: float
+    seed: int
+    speed: float
+    """Seconds of the run's clock per second of the machine's; 1 on real robots."""
+    log_dir: Path
+
+
+class Progress(Protocol):
+    """Who is told how the trial goes."""
+
+    def phase(self, text: str) -> None:
+        """Something begins."""
+
+    def step(self, record: StepRecord) -> None:
+        """A tick is done."""
+
+
+def run_trial(plan: TrialPlan, progress: Progress, started_s: float) -> dict[str, Any]:
+    """Run one trial and return its summary, which is also written to the trial's folder.
+
+    Args:
+        plan: what to run.
+        progress: who is told.
+        started_s: `time.monotonic` when all this began; only for what is printed.
+
+    Raises:
+        UsageError: a port is taken, a folder cannot be written, an extra is missing; nothing has moved.
+        PlatformError: the robot does not answer or is not ready; nothing has moved.
+    """
+    with contextlib.ExitStack() as stack:
+        return _Trial(plan, progress, started_s, stack).run()
+
+
+class _Trial:
+    def __init__(
+        self, plan: TrialPlan, progress: Progress, started_s: float, stack: contextlib.ExitStack
+    ) -> None:
+        self.plan = plan
+        self.progress = progress
+        self.started_s = started_s
+        self.stack = stack
+        self.clock = MonotonicClock(speed=plan.speed)
+        self.records: list[StepRecord] = []
+
+    def run(self) -> dict[str, Any]:
+        plan = self.plan
+        profile = plan.profile
+        if plan.sitl:
+            self.progress.phase(f"starting the simulated {plan.platform.name}")
+            profile = self.stack.enter_context(plan.platform.sitl(profile)).start(self.clock, plan.seed)
+        self.link = self.stack.enter_context(LinkProcess(plan.platform, profile, self.clock))
+        camera = self._virtual_camera(profile)
+        self.progress.phase("connecting")
+        self._refuse_unready(self.link.connect())
+        self.log = TrialLog.create(
+            plan.log_dir, plan.platform.name, "sitl" if plan.sitl else "real", self._config(profile)
+        )
+        try:
+            ending = self._engage_and_follow(camera, profile)
+        except KeyboardInterrupt:
+            ending = Ending("interrupted", "stopped by the operator")
+        except PlatformError as error:
+            ending = Ending("system_fault", str(error))
+        with _uninterrupted():
+            return self._finish(ending)
+
+    def _virtual_camera(self, profile: Profile) -> WorldCamera:
+        from adatracker_deploy.world import World  # needs the sitl extra
+
+        world = World(self.plan.scene, seed=self.plan.seed, target_speed_m_s=self.plan.target_speed_m_s)
+
+        def reported_pose() -> Pose | None:
+            status = self.link.status()
+            return status.state.pose if status else None
+
+        return WorldCamera(world, profile.sitl.camera, reported_pose, IMAGE_SIZE)
+
+    def _refuse_unready(self, checks: tuple[Check, ...]) -> None:
+        for check in checks:
+            if not check.ok and not check.blocking:
+                self.progress.phase(f"warning: {check.name}: {check.message}")
+        failed = [f"{check.name}: {check.message}" for check in checks if check.blocking and not check.ok]
+        if failed:
+            raise PlatformError(f"not ready: {'; '.join(failed)}")
+
+    def _engage_and_follow(self, camera: WorldCamera, profile: Profile) -> Ending:
+        plan = self.plan
+        self._engage()
+        perception = self.stack.enter_context(
+            Perception(camera, segment_truth, self.clock, profile.camera.rate_hz)
+        )
+        self.progress.phase("looking for the person")
+        self._await_first_sight(perception)
+        plan.policy.reset(plan.seed)
+        camera.go()
+        self.progress.phase(f"following for {plan.steps} steps at {plan.policy.info.rate_hz:g} Hz")
+        loop = Loop(
+            observe=perception.newest,
+            policy=plan.policy,
+            link=self.link,
+            limits=profile.limits,
+            clock=self.clock,
+            write=self._write,
+        )
+        gc.collect()
+        gc.freeze()  # a full collection of a warm process takes longer than a tick may be late
+        try:
+            return loop.run(plan.steps)
+        finally:
+            gc.unfreeze()
+
+    def _engage(self) -> None:
+        self.progress.phase("engaging")
+        self.link.engage()
+        airborne = False
+        for status in self._statuses(ENGAGE_TIMEOUT_S):
+            if not airborne and not status.state.landed:
+                airborne = True
+                self.progress.phase(f"airborne {time.monotonic() - self.started_s:.1f} s after the start")
+            if status.phase is Phase.ACTIVE:
+                self.progress.phase(f"engaged {time.monotonic() - self.started_s:.1f} s after the start")
+                return
+            if status.phase is not Phase.ENGAGING and status.stopped:
+                raise PlatformError(status.stopped)
+        raise PlatformError(f"the robot was not engaged within {ENGAGE_TIMEOUT_S:g} s")
+
+    def _await_first_sight(self, perception: Perception) -> None:
+        """Wait, standing still, until the target is seen."""
+        deadline_s = time.monotonic() + FIRST_SIGHT_TIMEOUT_S
+        for _ in self._statuses(math.inf):
+            self.link.send(ZERO, self.clock.now_ns())
+            seen = perception.newest()
+            if seen is not None and seen.observation.box is not None:
+                return
+            if time.monotonic() > deadline_s:
+                raise PlatformError(f"no person was seen within {FIRST_SIGHT_TIMEOUT_S:g} s")
+
+    def _write(self, record: StepRecord, seen: Seen) -> None:
+        self.records.append(record)
+        self.log.step(record, seen.frame, seen.observation)
+        self._log_events()
+        self.progress.step(record)
+
+    def _log_events(self) -> None:
+        for event in self.link.drain_events():
+            self.log.event(event.level, event.message, event.t_ns)
+
+    def _finish(self, ending: Ending) -> dict[str, Any]:
+        """Bring the robot to rest, close the log and sum up."""
+        self.progress.phase(f"{ending.outcome}{': ' if ending.reason else ''}{ending.reason}; stopping")
+        self.log.event("info", f"{ending.outcome} {ending.reason}".strip(), self.clock.now_ns())
+        stop_s = None
+        try:
+            stop_s = self._stand_still(ending.outcome)
+            self.progress.phase("disengaging")
+            self._disengage(ending.outcome)
+        except PlatformError as error:
+            self.progress.phase(f"warning: {error}")
+            self.log.event("error", str(error), self.clock.now_ns())
+        self._log_events()
+        summary = summarise(
+            self.records,
+            platform=self.plan.platform.name,
+            policy=self.plan.policy.info.name,
+            outcome=ending.outcome,
+            reason=ending.reason,
+            stop_s=stop_s,
+            trial=self.log.folder,
+        )
+        self.log.close(summary)
+        return summary
+
+    def _stand_still(self, reason: str) -> float | None:
+        """Hold; return the seconds of the run's clock until the robot stood, None if it was not moving."""
+        self.link.hold(reason)
+        began_ns = self.clock.now_ns()
+        for status in self._statuses(STANDSTILL_TIMEOUT_S):
+            if status.phase in (Phase.DISENGAGING, Phase.DONE, Phase.IDLE):
+                return None
+            velocity = status.state.velocity
+            if status.phase is Phase.HOLDING and velocity is not None:
+                speed = math.hypot(velocity.vx, velocity.vy, velocity.vz)
+                if speed < STANDSTILL_M_S:
+                    return (self.clock.now_ns() - began_ns) / 1e9
+        raise PlatformError(f"the robot did not stand still within {STANDSTILL_TIMEOUT_S:g} s of the stop")
+
+    def _disengage(self, reason: str) -> None:
+        self.link.disengage(reason)
+        for status in self._statuses(DISENGAGE_TIMEOUT_S):
+            if status.phase is Phase.DONE:
+                return
+        raise PlatformError(f"the robot did not disengage within {DISENGAGE_TIMEOUT_S:g} s")
+
+    def _statuses(self, timeout_s: float) -> Iterator[LinkStatus]:
+        """Give the link's newest status again and again for `timeout_s` of the run's clock.
+
+        Raises:
+            PlatformError: the link process died.
+        """
+        began_ns = self.clock.now_ns()
+        while (self.clock.now_ns() - began_ns) / 1e9 < timeout_s:
+            if not self.link.alive():
+                raise PlatformError("the link process died; the robot's own time-out stops it")
+            status = self.link.status()
+            if status is not None:
+                yield status
+            time.sleep(POLL_S / self.clock.speed)
+
+    def _config(self, profile: Profile) -> dict[str, Any]:
+        """What the log says of the run itself."""
+        plan = self.plan
+        return {
+            "profile": asdict(profile),
+            "policy": {"name": plan.policy.info.name, "sha256": dict(plan.policy.info.sha256)},
+            "scene": plan.scene,
+            "steps": plan.steps,
+            "target_speed_m_s": plan.target_speed_m_s,
+            "seed": plan.seed,
+            "speed": plan.speed,
+        }
+
+
+@contextlib.contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Let the robot come to rest and the log be closed: another Ctrl-C changes nothing."""
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    for number in handlers:
+        signal.signal(number, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
