@@ -69,7 +69,7 @@ class Score:
     """One trial in numbers."""
 
     mr: float
-    """Mean R over the scored steps, lost ones as 0; in [0, 1]. 0 when the trial ended before its first step."""
+    """Mean R over the scored steps, lost ones as 0; in [0, 1]. 0 when the trial ended before its first."""
     mr_visible: float | None
     """Mean R over the steps with a box; None without any."""
     visibility: float

@@ -22,6 +22,7 @@ class Latency:
     observation_age_ms: float
     """From the frame's capture to the start of the tick."""
     infer_ms: float
+    """What the policy took."""
     sensor_to_command_ms: float
     """From the frame's capture to the set-point handed to the link."""
     lateness_ms: float
@@ -35,10 +36,15 @@ class StepRecord:
     step: int
     """From 0: the first tick, whose box is the reference."""
     t_ns: int
+    """When the tick began, ns of the run's clock."""
     frame_seq: int
+    """The camera frame that this tick acted on."""
     box: Box | None
+    """The target's box, in fractions of the image; absent while the target is lost."""
     confidence: float
+    """Perception's confidence in the target, 0 to 1."""
     action: tuple[float, ...]
+    """What the policy answered, in [-1, 1]; empty when the observation was too old to act on."""
     context: tuple[float, ...]
     """The embodiment context z; empty without an encoder."""
     command: Twist
@@ -48,16 +54,22 @@ class StepRecord:
     gate: tuple[str, ...]
     """Why the gate changed the command; empty when it did not."""
     mode: str
+    """The robot's own name for its mode."""
     pose: Pose | None
+    """In the robot's local fixed frame, by its own telemetry."""
     velocity: Twist | None
+    """Measured, in the body frame."""
     battery: float | None
+    """State of charge, 0 to 1."""
     state_age_s: float
+    """Age of the robot's newest telemetry; infinite before the first."""
     latency: Latency
+    """Where this tick's time went."""
     missed_deadlines: int
     """Slots skipped so far."""
     distance_m: float | None = None
-    """Truth, in simulation only."""
+    """Truth, in simulation only: horizontal distance to the target."""
     bearing_rad: float | None = None
-    """Truth, in simulation only."""
+    """Truth, in simulation only: bearing of the target, positive to the left."""
     target_visible: bool | None = None
     """Truth, in simulation only: within 90 degrees and 7.5 m, and in the mask."""

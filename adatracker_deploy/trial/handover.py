@@ -1,0 +1,178 @@
+"""How a tick passes from the control loop to the log's writer: never blocking, bounded, and outliving a kill.
+
+A message is one datagram of a local socket pair (SOCK_SEQPACKET: whole or not at all, with an end of file);
+pictures pass through slots of shared memory, because a frame is larger than a socket holds. Both belong to
+the kernel, so what was handed over reaches the writer even when the loop's process is killed with -9.
+Measured for 640x480 at 20 Hz: writing in the loop costs it up to 8 ms a tick, in a thread 42 ms of lateness,
+through a blocking pipe 242 ms.
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+import pickle
+import socket
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from adatracker_deploy.messages import ClassMask
+    from adatracker_deploy.trial.record import StepRecord
+
+SLOTS = 16
+SLOT_BYTES = 16 << 20
+"""A 1080p frame and its mask take 8.3 MB; pages that are never touched cost nothing."""
+_DATAGRAM_BYTES = 1 << 18
+
+Level = Literal["info", "warning", "error"]
+
+
+class Picture(NamedTuple):
+    """Where a frame and its mask lie in the shared memory."""
+
+    slot: int
+    rgb_shape: tuple[int, int, int]
+    mask_shape: tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """First message to the writer; it answers `Ready` or `Trouble`."""
+
+    path: str
+    """The file to write, without ``.part``."""
+    metadata: dict[str, dict[str, str]]
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One tick; `picture` is None when the frame was handed over before, or had to be dropped."""
+
+    wall_ns: int
+    captured_ns: int
+    """Wall-clock time of the frame's capture, ns."""
+    record: StepRecord
+    picture: Picture | None
+
+
+@dataclass(frozen=True, slots=True)
+class LogLine:
+    """Something worth writing down."""
+
+    wall_ns: int
+    level: Level
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class End:
+    """Last message to the writer of a trial that ended in order."""
+
+    summary_json: str
+
+
+@dataclass(frozen=True, slots=True)
+class Ready:
+    """The file is open."""
+
+
+@dataclass(frozen=True, slots=True)
+class Free:
+    """The writer has encoded a slot's picture."""
+
+    slot: int
+
+
+@dataclass(frozen=True, slots=True)
+class Trouble:
+    """The log is no longer whole, and why."""
+
+    message: str
+
+
+class Post:
+    """One end of the socket pair."""
+
+    def __init__(self, end: socket.socket) -> None:
+        self._end = end
+
+    @staticmethod
+    def pair() -> tuple[socket.socket, socket.socket]:
+        """Return two connected ends."""
+        return socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+
+    def send(self, message: Any, timeout_s: float | None) -> None:
+        """Hand a message over; a time-out of 0 never waits, None waits for ever.
+
+        Raises:
+            BlockingIOError: there is no room and the time-out is 0.
+            OSError: the other end has gone, or the message is too large.
+        """
+        self._end.settimeout(timeout_s)
+        self._end.send(pickle.dumps(message, pickle.HIGHEST_PROTOCOL))
+
+    def receive(self, timeout_s: float | None) -> Any:
+        """Return the next message, in the order of sending.
+
+        Raises:
+            BlockingIOError: there is none and the time-out is 0.
+            TimeoutError: there was none in time.
+            EOFError: the other end has gone.
+        """
+        self._end.settimeout(timeout_s)
+        try:
+            data = self._end.recv(_DATAGRAM_BYTES)
+        except ConnectionResetError:
+            # The other end died with mail unread, and Linux says so once, before what it had sent.
+            data = self._end.recv(_DATAGRAM_BYTES)
+        if not data:
+            raise EOFError("the other end has gone")
+        return pickle.loads(data)  # from our own process, over a socket without a name
+
+    def finish(self) -> None:
+        """Tell the other end that nothing more comes."""
+        self._end.shutdown(socket.SHUT_WR)
+
+    def close(self) -> None:
+        """Release the socket."""
+        self._end.close()
+
+
+class PictureSlots:
+    """Shared memory for `SLOTS` frames with their masks; nameless, it vanishes with its last process."""
+
+    def __init__(self, fd: int) -> None:
+        self._memory = mmap.mmap(fd, SLOTS * SLOT_BYTES)
+
+    @staticmethod
+    def allocate() -> int:
+        """Return the file descriptor of new memory."""
+        fd = os.memfd_create("trial-pictures")
+        os.truncate(fd, SLOTS * SLOT_BYTES)
+        return fd
+
+    def put(self, slot: int, rgb: NDArray[np.uint8], mask: ClassMask) -> Picture:
+        """Copy a frame and its mask into a slot.
+
+        Raises:
+            ValueError: they do not fit.
+        """
+        if rgb.nbytes + mask.nbytes > SLOT_BYTES:
+            raise ValueError(f"a frame of {rgb.shape[1]}x{rgb.shape[0]} is too large for the log")
+        height, width, channels = rgb.shape
+        picture = Picture(slot, (height, width, channels), (mask.shape[0], mask.shape[1]))
+        rgb_in_slot, mask_in_slot = self.get(picture)
+        rgb_in_slot[...] = rgb
+        mask_in_slot[...] = mask
+        return picture
+
+    def get(self, picture: Picture) -> tuple[NDArray[np.uint8], ClassMask]:
+        """Return the frame and the mask as views into the slot."""
+        start = picture.slot * SLOT_BYTES
+        rgb = np.ndarray(picture.rgb_shape, np.uint8, self._memory, start)
+        return rgb, np.ndarray(picture.mask_shape, np.uint8, self._memory, start + rgb.nbytes)

@@ -1,0 +1,279 @@
+"""The control loop's side of a trial's log: hands every tick to the writer process and never waits for it."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import platform as machine
+import subprocess
+import sys
+import time
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, Self
+
+import yaml
+
+from adatracker_deploy import __version__
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.trial.handover import (
+    SLOTS,
+    End,
+    Free,
+    Level,
+    LogLine,
+    Picture,
+    PictureSlots,
+    Post,
+    Ready,
+    Start,
+    Step,
+    Trouble,
+)
+from adatracker_deploy.trial.step_json import STEP_FORMAT
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from adatracker_deploy.messages import Frame, Observation
+    from adatracker_deploy.trial.record import StepRecord
+
+FILE_NAME = "trial.mcap"
+SUMMARY_NAME = "summary.json"
+CONFIG_NAME = "config.yaml"
+START_TIMEOUT_S = 30.0
+CLOSE_TIMEOUT_S = 10.0
+
+Kind = Literal["sitl", "dry", "real"]
+
+
+@dataclass(slots=True)
+class TrialLog:
+    """One trial's folder, being written.
+
+    `step` and `event` take well under a millisecond, never wait and never raise: what the writer cannot take
+    in time is dropped and counted, what goes wrong is told by `trouble`.
+    """
+
+    folder: Path
+    _post: Post
+    _slots: PictureSlots
+    _writer: subprocess.Popen[bytes]
+    _wall_minus_run_ns: int
+    dropped: int = 0
+    """Steps and events that are missing from the log because the writer was too far behind."""
+    frames_dropped: int = 0
+    """Frames that are missing from the log, though their steps are there."""
+    _trouble: str = ""
+    _free: list[int] = field(default_factory=lambda: list(range(SLOTS)))
+    _last_seq: int | None = None
+    _closed: bool = False
+
+    @classmethod
+    def create(
+        cls,
+        log_dir: Path,
+        *,
+        platform: str,
+        kind: Kind,
+        policy: str,
+        steps: int,
+        config: Mapping[str, Any],
+        now_ns: int,
+    ) -> TrialLog:
+        """Make the folder ``LOG_DIR/<UTC time>_<platform>_<kind>/`` (mode 0700) and start the writer.
+
+        Args:
+            log_dir: made when it is not there.
+            platform: the robot's name.
+            kind: simulated far end, dry run, or the robot itself.
+            policy: the policy's name.
+            steps: the planned horizon.
+            config: everything else that the run was started with (profile, policy hashes, seed, ...); plain
+                YAML types.
+            now_ns: the run's clock. Wall-clock time is read once, here, and only written down.
+
+        Raises:
+            UsageError: the folder cannot be written, or the writer does not start.
+        """
+        wall_ns = time.time_ns()
+        folder = _new_folder(log_dir, wall_ns, f"{platform}_{kind}")
+        config_yaml = yaml.safe_dump(dict(config), sort_keys=False, allow_unicode=True)
+        with _writable(folder):
+            _write_file(folder / CONFIG_NAME, config_yaml)
+        metadata = {
+            "trial": {
+                "step_format": str(STEP_FORMAT),
+                "platform": platform,
+                "kind": kind,
+                "policy": policy,
+                "steps": str(steps),
+                "started": datetime.fromtimestamp(wall_ns / 1e9, UTC).isoformat(),
+                "run_clock_ns": str(now_ns),
+                "adatracker-deploy": __version__,
+                "python": machine.python_version(),
+                "machine": machine.platform(),
+                **{name: version(name) for name in ("mcap", "numpy", "onnxruntime")},
+            },
+            "config": {"yaml": config_yaml},
+        }
+        near, far = Post.pair()
+        memory_fd = PictureSlots.allocate()
+        try:
+            writer = subprocess.Popen(
+                (
+                    sys.executable,
+                    *("-m", "adatracker_deploy.trial.writer", str(far.fileno()), str(memory_fd)),
+                ),
+                pass_fds=(far.fileno(), memory_fd),
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                start_new_session=True,  # a Ctrl-C at the terminal is the tracker's business
+            )
+            slots = PictureSlots(memory_fd)
+        finally:
+            far.close()
+            os.close(memory_fd)
+        log = cls(folder, Post(near), slots, writer, wall_ns - now_ns)
+        log._start(Start(str(folder / FILE_NAME), metadata))
+        return log
+
+    def step(self, record: StepRecord, frame: Frame, observation: Observation) -> None:
+        """Hand over one tick, and the frame with its mask unless an earlier tick had the same."""
+        try:
+            self._hear()
+            picture = None if frame.seq == self._last_seq else self._put(frame, observation)
+            self._last_seq = frame.seq
+            message = Step(self._wall_ns(record.t_ns), self._wall_ns(frame.t_ns), record, picture)
+            if not self._hand_over(message) and picture is not None:
+                self._free.append(picture.slot)
+                self._last_seq = None
+        except Exception as error:  # nothing that goes wrong with writing down may stop a robot's control
+            self._trouble = self._trouble or f"a tick could not be logged: {error}"
+            self.dropped += 1
+
+    def event(self, level: Level, message: str, t_ns: int) -> None:
+        """Write down something that happened, at the run's clock `t_ns`."""
+        self._hand_over(LogLine(self._wall_ns(t_ns), level, message))
+
+    @property
+    def trouble(self) -> str:
+        """Why the log is not whole (the disk is full, the writer died); empty while it is."""
+        self._hear()
+        return self._trouble
+
+    @property
+    def writer_pid(self) -> int:
+        """The writer's process id."""
+        return self._writer.pid
+
+    def close(self, summary: Mapping[str, Any] | None = None) -> None:
+        """Write ``summary.json``, let the writer finish ``trial.mcap``, and wait for it; may be called twice.
+
+        Without a summary the log is that of a trial that was cut short. Nothing is raised: see `trouble`.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        try:
+            if summary is not None:
+                text = json.dumps(summary, indent=2, allow_nan=False)
+                self._post.send(End(text), CLOSE_TIMEOUT_S)
+                _write_file(self.folder / SUMMARY_NAME, text + "\n")
+            self._post.finish()
+            self._writer.wait(CLOSE_TIMEOUT_S)
+        except (OSError, subprocess.TimeoutExpired) as error:
+            self._trouble = self._trouble or f"the log was not finished: {error}"
+        self._hear()
+        self._post.close()
+        if self._writer.poll() is None:
+            self._writer.kill()
+            self._writer.wait()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _start(self, start: Start) -> None:
+        try:
+            self._post.send(start, START_TIMEOUT_S)
+            answer = self._post.receive(START_TIMEOUT_S)
+        except (OSError, EOFError) as error:
+            answer = Trouble(f"{self.folder}: the log's writer did not start: {error}")
+        if not isinstance(answer, Ready):
+            self.close()
+            raise UsageError(answer.message)
+
+    def _put(self, frame: Frame, observation: Observation) -> Picture | None:
+        """Copy a frame into a free slot, the one last used first: its memory is warm."""
+        if not self._free:
+            self.frames_dropped += 1
+            return None
+        return self._slots.put(self._free.pop(), frame.rgb, observation.mask)
+
+    def _hand_over(self, message: Step | LogLine) -> bool:
+        try:
+            self._post.send(message, timeout_s=0.0)
+        except BlockingIOError:
+            self.dropped += 1
+            return False
+        except OSError as error:
+            self._trouble = self._trouble or f"the log's writer has gone: {error.strerror}"
+            self.dropped += 1
+            return False
+        return True
+
+    def _hear(self) -> None:
+        """Take what the writer said."""
+        with contextlib.suppress(OSError, EOFError):  # nothing more, or the writer has gone
+            while True:
+                match self._post.receive(timeout_s=0.0):
+                    case Free(slot):
+                        self._free.append(slot)
+                    case Trouble(message):
+                        self._trouble = self._trouble or message
+
+    def _wall_ns(self, t_ns: int) -> int:
+        return max(0, t_ns + self._wall_minus_run_ns)
+
+
+def _new_folder(log_dir: Path, wall_ns: int, suffix: str) -> Path:
+    """Make a folder of a name that is not taken, one millisecond later if it must be."""
+    with _writable(log_dir):
+        log_dir.mkdir(parents=True, exist_ok=True)
+        while True:
+            stamp = datetime.fromtimestamp(wall_ns / 1e9, UTC).strftime("%Y%m%d-%H%M%S-%f")[:-3]
+            folder = log_dir / f"{stamp}_{suffix}"
+            try:
+                folder.mkdir(mode=0o700)
+            except FileExistsError:
+                wall_ns += 1_000_000
+            else:
+                return folder
+
+
+@contextlib.contextmanager
+def _writable(folder: Path) -> Any:
+    try:
+        yield
+    except OSError as error:
+        raise UsageError(
+            f"log folder {folder}: cannot be written ({error.strerror}); choose another with --log-dir"
+        ) from error
+
+
+def _write_file(path: Path, text: str) -> None:
+    """Write a small file whole or not at all, readable by its owner alone."""
+    part = path.with_name(path.name + ".part")
+    with os.fdopen(
+        os.open(part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w", encoding="utf-8"
+    ) as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+    part.rename(path)

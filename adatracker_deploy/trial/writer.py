@@ -1,0 +1,192 @@
+"""The log's writer, a process of its own: `TrialLog` starts ``python -m adatracker_deploy.trial.writer``.
+
+It lives until its socket reaches the end of file, whether the tracker closed it or was killed; then it
+finishes the file, and only then does ``trial.mcap.part`` become ``trial.mcap``. It ignores SIGINT and
+SIGTERM, which reach a whole process group: the end of a run is the tracker's to say.
+
+Each tick is flushed to the kernel, which survives a kill of every process here; `fdatasync` at most a second
+later, which survives a power cut (1.4 ms, measured). When the disk is full the file is cut back to its last
+whole tick and left as ``.part``, readable so far.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import socket
+import sys
+import time
+from pathlib import Path
+from typing import Any, cast
+
+import cv2
+
+from adatracker_deploy.trial.handover import (
+    End,
+    Free,
+    LogLine,
+    PictureSlots,
+    Post,
+    Ready,
+    Start,
+    Step,
+    Trouble,
+)
+from adatracker_deploy.trial.trial_file import TrialFile
+
+SYNC_INTERVAL_S = 1.0
+
+
+class WholeTicks:
+    """An unbuffered file that takes what was written since the last flush whole, or not at all."""
+
+    def __init__(self, path: Path) -> None:
+        self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        self._end = 0
+        self._pending = bytearray()
+
+    def write(self, data: bytes) -> int:
+        """Keep data for the next flush."""
+        self._pending += data
+        return len(data)
+
+    def tell(self) -> int:
+        """Return where the next byte will be."""
+        return self._end + len(self._pending)
+
+    def flush(self) -> None:
+        """Write what is pending.
+
+        Raises:
+            OSError: not all of it could be written; the file ends where it ended before.
+        """
+        data, self._pending = bytes(self._pending), bytearray()
+        try:
+            left = memoryview(data)
+            while left:
+                left = left[os.write(self._fd, left) :]
+        except OSError:
+            os.ftruncate(self._fd, self._end)
+            os.lseek(self._fd, self._end, os.SEEK_SET)
+            raise
+        self._end += len(data)
+
+    def sync(self) -> None:
+        """Bring the file to the disk."""
+        os.fdatasync(self._fd)
+
+    def close(self) -> None:
+        """Release the file."""
+        os.close(self._fd)
+
+
+class TrialWriter:
+    """Writes one trial, from the first message to the end of file."""
+
+    def __init__(self, post: Post, slots: PictureSlots) -> None:
+        self._post = post
+        self._slots = slots
+        self._summary_json: str | None = None
+        self._last_sync_s = time.monotonic()
+        self._unsynced = False
+
+    def run(self) -> None:
+        """Write until the tracker closes its end."""
+        start: Start = self._post.receive(timeout_s=None)
+        path = Path(start.path)
+        part = path.with_name(path.name + ".part")
+        try:
+            self._file = WholeTicks(part)
+            self._trial = TrialFile(cast("Any", self._file), start.metadata)
+            self._file.flush()
+        except OSError as error:
+            self._tell(Trouble(f"{part}: {error.strerror}"))
+            return
+        self._tell(Ready())
+        try:
+            self._write_all()
+            self._trial.finish(self._summary_json)
+            self._file.flush()
+            self._file.sync()
+            self._file.close()
+            part.rename(path)
+            _sync_folder(path.parent)
+        except OSError as error:
+            self._tell(Trouble(f"the log ends early: {part}: {error.strerror}"))
+            self._drain()
+
+    def _write_all(self) -> None:
+        with contextlib.suppress(EOFError):
+            while True:
+                message = self._next()
+                if message is None:
+                    continue
+                try:
+                    self._write(message)
+                except (TypeError, ValueError, cv2.error) as error:
+                    self._tell(Trouble(f"a tick could not be logged: {error}"))
+                self._file.flush()
+                self._unsynced = True
+
+    def _next(self) -> Any:
+        """Return the next message; None after the file was synced instead."""
+        due_s = self._last_sync_s + SYNC_INTERVAL_S - time.monotonic()
+        if not self._unsynced:
+            return self._post.receive(timeout_s=None)
+        if due_s > 0:
+            with contextlib.suppress(TimeoutError):
+                return self._post.receive(timeout_s=due_s)
+        self._file.sync()
+        self._last_sync_s, self._unsynced = time.monotonic(), False
+        return None
+
+    def _write(self, message: Step | LogLine | End) -> None:
+        match message:
+            case Step(wall_ns, captured_ns, record, picture):
+                if picture is not None:
+                    try:
+                        rgb, mask = self._slots.get(picture)
+                        self._trial.picture(wall_ns, captured_ns, record.frame_seq, rgb, mask)
+                    finally:
+                        self._tell(Free(picture.slot))
+                self._trial.step(wall_ns, captured_ns, record)
+            case LogLine(wall_ns, level, text):
+                self._trial.event(wall_ns, level, text)
+            case End(summary_json):
+                self._summary_json = summary_json
+
+    def _drain(self) -> None:
+        """Take what still comes, so that a log that failed looks no different to the loop."""
+        with contextlib.suppress(EOFError):
+            while True:
+                message = self._post.receive(timeout_s=None)
+                if isinstance(message, Step) and message.picture is not None:
+                    self._tell(Free(message.picture.slot))
+
+    def _tell(self, message: Ready | Free | Trouble) -> None:
+        with contextlib.suppress(OSError):  # a tracker that has gone need not be told
+            self._post.send(message, timeout_s=1.0)
+
+
+def _sync_folder(folder: Path) -> None:
+    fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(fd)
+    finally:
+        os.close(fd)
+
+
+def main() -> None:
+    """Run the writer on the socket and the memory whose file descriptors are the two arguments."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    cv2.setNumThreads(1)
+    socket_fd, memory_fd = map(int, sys.argv[1:])
+    post = Post(socket.socket(fileno=socket_fd))
+    with contextlib.suppress(EOFError):  # gone before it said where to write
+        TrialWriter(post, PictureSlots(memory_fd)).run()
+
+
+if __name__ == "__main__":
+    main()
