@@ -14,6 +14,7 @@ import os
 import signal
 import threading
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from adatracker_deploy.errors import PlatformError, UsageError
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
 
 CONNECT_TIMEOUT_S = 40.0
 GONE = "tracker_gone"
+PROCESS_NAME = "adatracker-link"
 
 
 class LinkProcess:
@@ -165,6 +167,8 @@ def _main(  # noqa: PLR0917 -- what a new process is given comes by position
 ) -> None:
     os.setsid()  # Ctrl-C and Ctrl-Z in the tracker's terminal must not reach the link
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with contextlib.suppress(OSError):  # so that an operator finds it; other systems have no such file
+        Path("/proc/self/comm").write_text(PROCESS_NAME, encoding="ascii")
     platform = platform_class(profile, clock)
     try:
         platform.connect()

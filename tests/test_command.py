@@ -1,0 +1,83 @@
+"""Wrong requests get one clear line and exit status 2 before anything moves."""
+
+from __future__ import annotations
+
+import json
+import socket
+
+import pytest
+import yaml
+
+from adatracker_deploy.cli import main
+from adatracker_deploy.profile import profile_dir
+
+DRONE = ("--platform", "drone", "--sitl")
+
+
+def refused(capsys, *arguments: str) -> str:
+    """Run the command, see that it was refused in one line, and return the line."""
+    assert main(list(arguments)) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    (line,) = err.strip().splitlines()
+    return line
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((), "--platform"),
+        (("--platform", "submarine", "--sitl"), "unknown platform 'submarine': installed are"),
+        ((*DRONE, "--profile", "px5"), "unknown profile 'px5': shipped are"),
+        ((*DRONE, "--profile", "no/such.yaml"), "no such file"),
+        ((*DRONE, "--policy", "genius"), "unknown policy 'genius'"),
+        ((*DRONE, "--policy", "no/such/folder"), "no/such/folder"),
+        ((*DRONE, "--scene", "moon"), "unknown scene 'moon'"),
+        ((*DRONE, "--camera", "world://moon"), "unknown scene 'moon'"),
+        ((*DRONE, "--camera", "0"), "expected world://SCENE"),
+        ((*DRONE, "--scene", "simple_room", "--camera", "world://simple_room"), "give one of them"),
+        ((*DRONE, "--steps", "0"), "out of range"),
+        ((*DRONE, "--steps", "ten"), "ten"),
+        ((*DRONE, "--speed", "nan"), "out of range"),
+        (("--platform", "drone", "--speed", "5"), "--speed is for rehearsals"),
+        ((*DRONE, "--stpes", "5"), "--stpes"),
+        (("fly",), "fly"),
+    ],
+)
+def test_what_is_wrong_is_said_in_one_line(capsys, arguments, words):
+    assert words in refused(capsys, *arguments)
+
+
+def drone_profile(tmp_path, **connection):
+    document = yaml.safe_load((profile_dir() / "px4_quad.yaml").read_text())
+    document["connection"].update(connection)
+    path = tmp_path / "mine.yaml"
+    path.write_text(yaml.safe_dump(document))
+    return str(path)
+
+
+def test_a_busy_port_is_named_before_anything_starts(capsys, tmp_path):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        profile = drone_profile(tmp_path, url=f"udpin://127.0.0.1:{port}")
+        assert main([*DRONE, "--profile", profile, "--log-dir", str(tmp_path / "trials")]) == 2
+    *_, line = capsys.readouterr().err.strip().splitlines()
+    assert f"port {port} is in use" in line
+    assert not (tmp_path / "trials").exists()
+
+
+def test_a_log_folder_that_cannot_be_written_is_named(capsys, tmp_path):
+    (tmp_path / "file").write_text("")
+    assert str(tmp_path / "file") in refused(capsys, *DRONE, "--log-dir", str(tmp_path / "file" / "trials"))
+
+
+@pytest.mark.parametrize(
+    ("listing", "name"),
+    [("platforms", "drone"), ("profiles", "px4_quad"), ("policies", "pid"), ("scenes", "simple_room")],
+)
+def test_the_listings_name_what_there_is(capsys, listing, name):
+    assert main([listing, "--json"]) == 0
+    assert name in json.loads(capsys.readouterr().out)[listing]
+    assert main([listing]) == 0
+    assert name in capsys.readouterr().out
