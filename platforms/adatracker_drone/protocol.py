@@ -1,20 +1,18 @@
-"""What goes over the drone's wire, as functions of values: frames, set-points, mode switches, altitude hold.
+"""What goes over the drone's wire, as functions of values: set-points, mode switches, altitude hold.
 
-PX4 thinks in north-east-down and forward-right-down; the toolkit in east-north-up and forward-left-up
-(REP 103). This module is the only place where the two meet. It does no I/O and takes time as an argument.
+It does no I/O and takes time as an argument. Poses are turned by `frames`, velocities here.
 """
 
 from __future__ import annotations
 
 import ipaddress
 import json
-import math
 import re
 from dataclasses import astuple, dataclass, replace
 
 from adatracker_deploy.errors import PlatformError, UsageError
-from adatracker_deploy.geometry import Pose, wrap_angle
 from adatracker_deploy.platform import Twist
+from adatracker_drone.frames import rotate
 
 AUTOPILOT = (1, 1)
 """System and component id that PX4 answers to unless it was told otherwise."""
@@ -35,9 +33,6 @@ FASTEST_M_S = 100.0
 
 LONGEST_STEP_S = 0.2
 """After a longer silence the altitude's reference moves on as if this much time had passed, not in a jump."""
-
-PILOT_MODES = frozenset({"MANUAL", "ALTCTL", "POSCTL", "ACRO", "STABILIZED", "RATTITUDE"})
-"""MAVSDK's names of the modes in which somebody's sticks fly the vehicle."""
 
 _URL_FORMS = "udpin://127.0.0.1:14540, tcpout://192.168.1.20:5760 or serial:///dev/ttyACM0:57600"
 _NETWORK_URL = re.compile(r"(udpin|udpout|tcpin|tcpout)://([0-9.]+):([0-9]{1,5})")
@@ -114,29 +109,13 @@ def offboard_json(autopilot: tuple[int, int] = AUTOPILOT) -> str:
     )
 
 
-def pose_of(position_ned_m: tuple[float, float, float], euler_frd_rad: tuple[float, float, float]) -> Pose:
-    """Turn PX4's position (north, east, down) and attitude (roll, pitch, yaw) into an east-north-up pose.
-
-    Both body frames share the nose, so roll keeps its sign, a nose that PX4 calls up (+) is up (-) here, and
-    a heading clockwise from north becomes a yaw counter-clockwise from east.
-    """
-    north, east, down = position_ned_m
-    roll, pitch, yaw = euler_frd_rad
-    return Pose(x=east, y=north, z=-down, roll=roll, pitch=-pitch, yaw=wrap_angle(math.pi / 2 - yaw))
-
-
 def body_velocity(
-    velocity_ned_m_s: tuple[float, float, float], yaw_ned_rad: float, yaw_rate_frd_rad_s: float
+    velocity_ned_m_s: tuple[float, float, float], heading_rad: float, yaw_rate_frd_rad_s: float
 ) -> Twist:
     """Turn PX4's velocity (north, east, down) into the level frame in which commands are given."""
     north, east, down = velocity_ned_m_s
-    cos, sin = math.cos(yaw_ned_rad), math.sin(yaw_ned_rad)
-    return Twist(
-        vx=cos * north + sin * east,
-        vy=sin * north - cos * east,
-        vz=-down,
-        yaw_rate=-yaw_rate_frd_rad_s,
-    )
+    forward, right = rotate(north, east, -heading_rad)
+    return Twist(vx=forward, vy=-right, vz=-down, yaw_rate=-yaw_rate_frd_rad_s)
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,13 +4,13 @@ import json
 import math
 
 import pytest
+from adatracker_drone.frames import NedPose
 from adatracker_drone.protocol import (
     FASTEST_M_S,
     AltitudeHold,
     body_velocity,
     check_url,
     offboard_json,
-    pose_of,
     set_point_json,
 )
 from hypothesis import given
@@ -58,28 +58,10 @@ def test_offboard_is_asked_for_by_px4s_custom_mode():
     assert (fields["target_system"], fields["target_component"]) == (3, 1)
 
 
-def test_a_drone_that_faces_north_faces_the_y_axis_here():
-    pose = pose_of((10.0, 20.0, -3.0), (0.1, 0.2, 0.0))
-    assert (pose.x, pose.y, pose.z) == (20.0, 10.0, 3.0)
-    assert (pose.roll, pose.pitch, pose.yaw) == pytest.approx((0.1, -0.2, math.pi / 2))
-
-
-@given(angles, angles.filter(lambda a: abs(a) < 1.5), angles)
-def test_the_nose_points_the_same_way_in_both_frames(roll, pitch, yaw):
-    nose_ned = (
-        math.cos(pitch) * math.cos(yaw),
-        math.cos(pitch) * math.sin(yaw),
-        -math.sin(pitch),
-    )
-    nose = pose_of((0.0, 0.0, 0.0), (roll, pitch, yaw)).rotation()[:, 0]
-    assert nose == pytest.approx([nose_ned[1], nose_ned[0], -nose_ned[2]], abs=1e-9)
-
-
 @given(speeds, speeds, speeds, angles)
 def test_a_measured_velocity_is_the_same_arrow_in_both_frames(north, east, down, yaw):
     velocity = body_velocity((north, east, down), yaw, yaw_rate_frd_rad_s=0.3)
-    pose = pose_of((0.0, 0.0, 0.0), (0.0, 0.0, yaw))
-    arrow = pose.rotation() @ [velocity.vx, velocity.vy, velocity.vz]
+    arrow = NedPose(heading=yaw).to_enu().rotation() @ [velocity.vx, velocity.vy, velocity.vz]
     assert arrow == pytest.approx([east, north, -down], abs=1e-6)
     assert velocity.yaw_rate == -0.3
 

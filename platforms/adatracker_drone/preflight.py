@@ -1,0 +1,136 @@
+"""What must hold before a drone is armed, judged from what was heard of it and from its parameters. Pure."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
+
+from adatracker_deploy.platform import Check, Limits
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+LOSS_ACTIONS = {
+    0: "position mode",
+    1: "altitude mode",
+    2: "manual",
+    3: "return",
+    4: "land",
+    5: "hold",
+    6: "terminate",
+    7: "disarm",
+}
+"""PX4's COM_OBL_RC_ACT."""
+SAFE_LOSS_ACTIONS = (4, 5)
+"""Those that need no pilot, no clear way home and no luck."""
+LONGEST_LOSS_S = 1.0
+"""PX4's default of COM_OF_LOSS_T."""
+_OVERRIDE_IN_OFFBOARD = 2
+"""Bit of COM_RC_OVERRIDE: the pilot's sticks end OFFBOARD."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameters:
+    """PX4's parameters that a preflight looks at; None where this autopilot has no such parameter."""
+
+    COM_OF_LOSS_T: float | None = None
+    COM_OBL_RC_ACT: float | None = None
+    COM_RC_OVERRIDE: float | None = None
+    GF_MAX_HOR_DIST: float | None = None
+    GF_MAX_VER_DIST: float | None = None
+    MPC_XY_VEL_MAX: float | None = None
+    MPC_Z_VEL_MAX_UP: float | None = None
+    MPC_Z_VEL_MAX_DN: float | None = None
+    MC_YAWRATE_MAX: float | None = None
+    """deg/s."""
+
+    @classmethod
+    def read(cls, parameter: Callable[[str, type[int] | type[float]], float | None]) -> Parameters:
+        """Ask for each by its name and PX4's type."""
+        whole = {"COM_OBL_RC_ACT", "COM_RC_OVERRIDE"}
+        return cls(
+            **{
+                field.name: parameter(field.name, int if field.name in whole else float)
+                for field in fields(cls)
+            }
+        )
+
+
+def failsafe_checks(parameters: Parameters) -> tuple[Check, ...]:
+    """Judge what PX4 does by itself once set-points stop: the stop of last resort of everything above it."""
+    loss_s, action = parameters.COM_OF_LOSS_T, parameters.COM_OBL_RC_ACT
+    named = "unknown" if action is None else f"{action:g} ({LOSS_ACTIONS.get(int(action), 'unknown')})"
+    sticks = int(parameters.COM_RC_OVERRIDE or 0)
+    return (
+        Check(
+            "loss time",
+            loss_s is not None and 0 < loss_s <= LONGEST_LOSS_S,
+            f"COM_OF_LOSS_T is {_seconds(loss_s)}; it must be at most {LONGEST_LOSS_S:g} s, "
+            "so that the drone stops soon after set-points do",
+        ),
+        Check(
+            "loss action",
+            action in SAFE_LOSS_ACTIONS,
+            f"COM_OBL_RC_ACT is {named}; 4 (land) or 5 (hold) stop the drone when set-points do",
+        ),
+        Check(
+            "pilot override",
+            bool(sticks & _OVERRIDE_IN_OFFBOARD),
+            f"COM_RC_OVERRIDE is {sticks}; with 3 the pilot's sticks end OFFBOARD at once",
+            blocking=False,
+        ),
+    )
+
+
+def envelope_checks(parameters: Parameters, limits: Limits, ceiling_m: float) -> tuple[Check, ...]:
+    """Judge whether the autopilot's own limits and fence fit what it will be asked for."""
+    checks = []
+    for asked, unit, name, has in (
+        (max(limits.forward_m_s, limits.backward_m_s), "m/s", "MPC_XY_VEL_MAX", parameters.MPC_XY_VEL_MAX),
+        (limits.vertical_m_s, "m/s", "MPC_Z_VEL_MAX_UP", parameters.MPC_Z_VEL_MAX_UP),
+        (limits.vertical_m_s, "m/s", "MPC_Z_VEL_MAX_DN", parameters.MPC_Z_VEL_MAX_DN),
+        (math.degrees(limits.yaw_rate_rad_s), "deg/s", "MC_YAWRATE_MAX", parameters.MC_YAWRATE_MAX),
+    ):
+        if has is not None and has < asked:
+            message = f"{name} is {has:g} {unit}, but limits ask for {asked:.3g}: the drone will lag behind"
+            checks.append(Check("speed limits", False, message, blocking=False))
+    checks = checks or [Check("speed limits", True, "the autopilot's own are wider than the profile's")]
+    fence = {"GF_MAX_HOR_DIST": parameters.GF_MAX_HOR_DIST, "GF_MAX_VER_DIST": parameters.GF_MAX_VER_DIST}
+    off = [name for name, value in fence.items() if not value]
+    top = parameters.GF_MAX_VER_DIST
+    if off:
+        message = f"{' and '.join(off)} are 0 (off): set a fence that fits the field"
+    elif top is not None and top < ceiling_m:
+        message = f"GF_MAX_VER_DIST is {top:g} m, below connection.max_altitude_m {ceiling_m:g}"
+    else:
+        message = "on"
+    return (*checks, Check("geofence", message == "on", message, blocking=False))
+
+
+def health_checks(
+    *, unhealthy: tuple[str, ...], armable: bool, complaint: str, battery: float | None, min_battery: float
+) -> tuple[Check, ...]:
+    """Judge the vehicle's own report on itself."""
+    why = f"; its last warning: {complaint}" if complaint else ""
+    return (
+        Check(
+            "sensors",
+            not unhealthy,
+            f"not ready: {', '.join(unhealthy)}; wait for a GPS fix, or calibrate" if unhealthy else "ready",
+        ),
+        Check("armable", armable, "ready to arm" if armable else f"the autopilot refuses to arm{why}"),
+        Check(
+            "battery",
+            (battery or 0.0) >= min_battery,
+            f"{_percent(battery)} left; {_percent(min_battery)} are needed to take off",
+        ),
+    )
+
+
+def _seconds(value: float | None) -> str:
+    return "unknown" if value is None else f"{value:g} s"
+
+
+def _percent(value: float | None) -> str:
+    return "an unknown charge is" if value is None else f"{value:.0%}"

@@ -1,0 +1,260 @@
+"""A PX4 vehicle behind MAVSDK: what was heard of it, and the few things that can be asked of it.
+
+All of MAVSDK is in this module. Telemetry arrives by subscription in MAVSDK's own thread and replaces a
+frozen snapshot; nothing is polled. Set-points go through `MavlinkDirect`, which sends only when it is called:
+the `Offboard` plugin repeats the last one from a C++ thread for as long as the process lives, so that the
+autopilot's fail-safe for lost set-points cannot see that Python hangs.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import logging
+import math
+import socket
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import mavsdk
+from mavsdk import ComponentType, Configuration, ConnectionResult, Mavsdk, MavsdkError
+from mavsdk.plugins.action import Action
+from mavsdk.plugins.mavlink_direct import MavlinkDirect
+from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkMessage
+from mavsdk.plugins.param import Param
+from mavsdk.plugins.telemetry import LandedState, StatusTextType, Telemetry
+
+from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_drone.protocol import check_url, offboard_json, set_point_json
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from adatracker_deploy.platform import Twist
+    from adatracker_deploy.runtime.clock import Clock
+
+_log = logging.getLogger(__name__)
+_log.addHandler(logging.NullHandler())
+
+_DISCOVERY_SLICE_S = 0.1
+_AUTOPILOT_COMPONENT = 1
+"""MAV_COMP_ID_AUTOPILOT1."""
+_ACCEPTED = 0
+"""MAV_RESULT_ACCEPTED."""
+_HEALTH = {
+    "is_gyrometer_calibration_ok": "gyroscope",
+    "is_accelerometer_calibration_ok": "accelerometer",
+    "is_magnetometer_calibration_ok": "magnetometer",
+    "is_local_position_ok": "local position",
+    "is_global_position_ok": "global position",
+    "is_home_position_ok": "home position",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """What the vehicle said last; times are the run's clock at receipt, ns, 0 before the first message."""
+
+    position_t_ns: int = 0
+    position_ned_m: tuple[float, float, float] | None = None
+    velocity_ned_m_s: tuple[float, float, float] | None = None
+    attitude_t_ns: int = 0
+    euler_frd_rad: tuple[float, float, float] | None = None
+    """Roll, pitch (positive is nose up), heading (clockwise from north)."""
+    yaw_rate_frd_rad_s: float = 0.0
+    mode: str = ""
+    """MAVSDK's name of the flight mode, as the last HEARTBEAT gave it."""
+    mode_t_ns: int = 0
+    armed: bool = False
+    armed_t_ns: int = 0
+    landed: bool | None = None
+    armable: bool = False
+    unhealthy: tuple[str, ...] = tuple(_HEALTH.values())
+    """What does not work yet."""
+    battery: float | None = None
+    """State of charge, 0 to 1."""
+    complaint: str = ""
+    """The last message of severity warning or worse, in the autopilot's own words."""
+    connected: bool = False
+    """MAVSDK has heard a HEARTBEAT within the last 3 s."""
+
+
+class Vehicle:
+    """One autopilot over one connection; calls block until it has acknowledged them.
+
+    Args:
+        url: where it is reached, as `check_url` accepts it.
+        clock: stamps what is heard.
+        on_mode: called in MAVSDK's thread with the name of the mode in every HEARTBEAT; must return at once.
+
+    Raises:
+        UsageError: the URL is malformed, or its UDP port is taken.
+    """
+
+    def __init__(self, url: str, clock: Clock, on_mode: Callable[[str], None]) -> None:
+        self.heard = Heard()
+        self._clock = clock
+        self._on_mode = on_mode
+        _probe(url)
+        mavsdk.log_subscribe(_to_logging)
+        configuration = Configuration.create_with_component_type(ComponentType.COMPANION_COMPUTER)
+        self._mavsdk = Mavsdk(configuration)
+        result = self._mavsdk.add_any_connection(url)
+        if result != ConnectionResult.SUCCESS:
+            self.close()
+            raise UsageError(
+                f"connection.url {url!r} cannot be opened ({result.name}): check the address and who uses it"
+            )
+
+    def discover(self) -> bool:
+        """Wait 0.1 s for the autopilot; return whether it was heard, and from then on listen to it."""
+        system = self._mavsdk.first_autopilot(_DISCOVERY_SLICE_S)
+        if system is None:
+            return False
+        self._autopilot = (system.get_system_id(), _AUTOPILOT_COMPONENT)
+        self._action, self._param = Action(system), Param(system)
+        self._direct, self._telemetry = MavlinkDirect(system), Telemetry(system)
+        self._hear(connected=True)
+        system.subscribe_is_connected(lambda connected, _: self._hear(connected=connected))
+        self._telemetry.subscribe_position_velocity_ned(self._on_position)
+        self._telemetry.subscribe_attitude_euler(self._on_attitude)
+        self._telemetry.subscribe_attitude_angular_velocity_body(self._on_angular_velocity)
+        self._telemetry.subscribe_flight_mode(self._on_flight_mode)
+        self._telemetry.subscribe_armed(
+            lambda armed, _: self._hear(armed=armed, armed_t_ns=self._clock.now_ns())
+        )
+        self._telemetry.subscribe_landed_state(
+            lambda state, _: self._hear(landed=state == LandedState.ON_GROUND)
+        )
+        self._telemetry.subscribe_health(self._on_health)
+        self._telemetry.subscribe_battery(self._on_battery)
+        self._telemetry.subscribe_status_text(self._on_status_text)
+        return True
+
+    def send_velocity(self, command: Twist, now_ns: int) -> None:
+        """Send one set-point, once; does not wait for anything.
+
+        Raises:
+            PlatformError: `command` is not a velocity that a drone can fly; nothing was sent.
+        """
+        fields = set_point_json(command, now_ns, self._autopilot)
+        with self._explained("send a set-point"):
+            self._direct.send_message(self._message("SET_POSITION_TARGET_LOCAL_NED", fields))
+
+    def switch_to_offboard(self) -> bool:
+        """Ask for OFFBOARD; return whether the autopilot accepted, which does not yet prove that it stays."""
+        with self._explained("switch to OFFBOARD"):
+            answer = self._direct.send_command(self._message("COMMAND_LONG", offboard_json(self._autopilot)))
+        return bool(json.loads(answer.fields_json).get("result") == _ACCEPTED)
+
+    def arm(self) -> None:
+        """Arm; the autopilot refuses when its own checks fail."""
+        with self._explained("arm"):
+            self._action.arm()
+
+    def take_off(self, altitude_m: float) -> None:
+        """Start to climb to `altitude_m` above the ground, as the autopilot does it."""
+        with self._explained("take off"):
+            self._action.set_takeoff_altitude(altitude_m)
+            self._action.takeoff()
+
+    def hold(self) -> None:
+        """Switch to HOLD: stop and hover."""
+        with self._explained("hold"):
+            self._action.hold()
+
+    def land(self) -> None:
+        """Switch to LAND: come down here, and disarm on the ground."""
+        with self._explained("land"):
+            self._action.land()
+
+    def parameter(self, name: str, kind: type[int] | type[float]) -> float | None:
+        """Return a parameter of PX4's, or None when this autopilot does not have it."""
+        try:
+            if kind is int:
+                return float(self._param.get_param_int(name))
+            return float(self._param.get_param_float(name))
+        except MavsdkError as error:
+            _log.debug("parameter %s: %s", name, error)
+            return None
+
+    def close(self) -> None:
+        """Release the connection; leaves no thread behind."""
+        self._mavsdk.destroy()
+
+    def _message(self, name: str, fields: str) -> Any:
+        system, component = self._autopilot
+        return MavlinkMessage(
+            message_name=name,
+            target_system_id=system,
+            target_component_id=component,
+            fields_json=fields,
+        )
+
+    def _hear(self, **news: Any) -> None:
+        """Replace the snapshot; MAVSDK calls from one thread only, so no news is lost."""
+        self.heard = replace(self.heard, **news)
+
+    def _on_position(self, data: Any, _: Any) -> None:
+        position = (data.position.north_m, data.position.east_m, data.position.down_m)
+        velocity = (data.velocity.north_m_s, data.velocity.east_m_s, data.velocity.down_m_s)
+        if all(map(math.isfinite, position + velocity)):
+            self._hear(position_t_ns=self._clock.now_ns(), position_ned_m=position, velocity_ned_m_s=velocity)
+
+    def _on_attitude(self, data: Any, _: Any) -> None:
+        euler = tuple(map(math.radians, (data.roll_deg, data.pitch_deg, data.yaw_deg)))
+        if all(map(math.isfinite, euler)):
+            self._hear(attitude_t_ns=self._clock.now_ns(), euler_frd_rad=euler)
+
+    def _on_angular_velocity(self, data: Any, _: Any) -> None:
+        if math.isfinite(data.yaw_rad_s):
+            self._hear(yaw_rate_frd_rad_s=data.yaw_rad_s)
+
+    def _on_flight_mode(self, mode: Any, _: Any) -> None:
+        self._hear(mode=mode.name, mode_t_ns=self._clock.now_ns())
+        self._on_mode(mode.name)
+
+    def _on_health(self, health: Any, _: Any) -> None:
+        self._hear(
+            armable=health.is_armable,
+            unhealthy=tuple(name for flag, name in _HEALTH.items() if not getattr(health, flag)),
+        )
+
+    def _on_battery(self, battery: Any, _: Any) -> None:
+        percent = battery.remaining_percent
+        self._hear(battery=percent / 100 if 0 <= percent <= 100 else None)
+
+    def _on_status_text(self, status: Any, _: Any) -> None:
+        if status.type >= StatusTextType.WARNING:
+            self._hear(complaint=status.text)
+
+    @contextlib.contextmanager
+    def _explained(self, what: str) -> Iterator[None]:
+        try:
+            yield
+        except MavsdkError as error:
+            result = getattr(getattr(error, "result", None), "name", str(error))
+            complaint = self.heard.complaint
+            why = f"; its last warning: {complaint}" if complaint else ""
+            raise PlatformError(f"the autopilot did not {what}: {result}{why}") from error
+
+
+def _probe(url: str) -> None:
+    """Find out whether the port is free: MAVSDK would share a taken one without a word."""
+    bound = check_url(url)
+    if bound is None:
+        return
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind(bound)
+        except OSError as error:
+            raise UsageError(
+                f"UDP {bound[0]}:{bound[1]} cannot be used ({error.strerror}): stop the program that "
+                "holds it (a ground station, another run), or give another connection.url"
+            ) from error
+
+
+def _to_logging(level: Any, message: str, _file: str | None, _line: int) -> bool:
+    """Keep MAVSDK off stdout: its lines go to `logging`, under this module's name."""
+    _log.log(10 * (int(level) + 1), "%s", message)
+    return True
