@@ -1,8 +1,8 @@
-"""PX4's and JSBSim's frames (north-east-down, forward-right-down) to REP 103's and back: here and nowhere else.
+"""PX4's and JSBSim's frames to REP 103's and back: here and nowhere else.
 
 Axes: (north, east, down) is (east, north, up) = (e, n, -d); (forward, right, down) is (forward, left, up) =
-(f, -r, -d). Attitudes: roll is the same, pitch changes sign (positive is nose up in PX4, nose down in REP 103)
-and a heading clockwise from north becomes a yaw counter-clockwise from east.
+(f, -r, -d). Attitudes: roll is the same; pitch changes sign (positive is nose up in PX4, nose down in
+REP 103); a heading clockwise from north becomes a yaw counter-clockwise from east.
 """
 
 from __future__ import annotations

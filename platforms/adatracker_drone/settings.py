@@ -13,13 +13,15 @@ from adatracker_deploy.schema import Range
 class SitlSettings:
     """A simulated F450 with PX4's dialect; the policy never sees any of it."""
 
-    camera: CameraMount = CameraMount(forward_m=0.15, up_m=0.1, pitch_deg=20.0, fov_deg=90.0)
+    camera: CameraMount = field(
+        default_factory=lambda: CameraMount(forward_m=0.15, up_m=0.1, pitch_deg=20.0, fov_deg=90.0)
+    )
     """From the point between the feet of the gear, which is the body's origin."""
     wind_m_s: Annotated[float, Range(0, 12)] = 0.0
     """Mean horizontal wind; its direction is drawn from the seed."""
     gust_m_s: Annotated[float, Range(0, 5)] = 0.0
     """Standard deviation, per axis, of the wind about its mean."""
-    velocity_bias_m_s: Annotated[float, Range(0, 0.5)] = 0.08
+    velocity_bias_m_s: Annotated[float, Range(0, 0.5)] = 0.1
     """Constant error of the velocity estimate: each axis draws half to all of this, with either sign."""
     velocity_noise_m_s: Annotated[float, Range(0, 0.5)] = 0.02
     """Standard deviation of the velocity estimate's white noise, per axis."""
@@ -27,6 +29,8 @@ class SitlSettings:
     """Standard deviation of the position estimate's white noise, per axis."""
     ekf_ready_s: Annotated[float, Range(0, 30)] = 0.8
     """From power-on until the estimator lets the vehicle arm."""
+    battery: Annotated[float, Range(0, 1)] = 1.0
+    """State of charge at power-on."""
     yaw_deg: Annotated[float, Range(-180, 180)] = 0.0
     """Heading on the ground at the start, counter-clockwise from east."""
     gcs: str = ""
