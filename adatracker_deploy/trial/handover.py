@@ -44,8 +44,10 @@ class Picture(NamedTuple):
 class Start:
     """First message to the writer; it answers `Ready` or `Trouble`."""
 
+    part: str
+    """The file to write."""
     path: str
-    """The file to write, without ``.part``."""
+    """Its name once it is whole."""
     metadata: dict[str, dict[str, str]]
 
 

@@ -36,12 +36,14 @@ from adatracker_deploy.trial.handover import (
 from adatracker_deploy.trial.step_json import STEP_FORMAT
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from adatracker_deploy.messages import Frame, Observation
     from adatracker_deploy.trial.record import StepRecord
 
 FILE_NAME = "trial.mcap"
+PART_NAME = FILE_NAME + ".part"
+"""Its name while it is written, and for ever when the writer could not finish it."""
 SUMMARY_NAME = "summary.json"
 CONFIG_NAME = "config.yaml"
 START_TIMEOUT_S = 30.0
@@ -92,8 +94,7 @@ class TrialLog:
             kind: simulated far end, dry run, or the robot itself.
             policy: the policy's name.
             steps: the planned horizon.
-            config: everything else that the run was started with (profile, policy hashes, seed, ...); plain
-                YAML types.
+            config: everything else that the run was started with, in plain YAML types.
             now_ns: the run's clock. Wall-clock time is read once, here, and only written down.
 
         Raises:
@@ -138,7 +139,7 @@ class TrialLog:
             far.close()
             os.close(memory_fd)
         log = cls(folder, Post(near), slots, writer, wall_ns - now_ns)
-        log._start(Start(str(folder / FILE_NAME), metadata))
+        log._start(Start(str(folder / PART_NAME), str(folder / FILE_NAME), metadata))
         return log
 
     def step(self, record: StepRecord, frame: Frame, observation: Observation) -> None:
@@ -258,7 +259,8 @@ def _new_folder(log_dir: Path, wall_ns: int, suffix: str) -> Path:
 
 
 @contextlib.contextmanager
-def _writable(folder: Path) -> Any:
+def _writable(folder: Path) -> Iterator[None]:
+    """Turn what the file system refuses into a line the operator can act on."""
     try:
         yield
     except OSError as error:

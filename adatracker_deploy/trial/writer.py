@@ -94,8 +94,7 @@ class TrialWriter:
     def run(self) -> None:
         """Write until the tracker closes its end."""
         start: Start = self._post.receive(timeout_s=None)
-        path = Path(start.path)
-        part = path.with_name(path.name + ".part")
+        part, path = Path(start.part), Path(start.path)
         try:
             self._file = WholeTicks(part)
             self._trial = TrialFile(cast("Any", self._file), start.metadata)

@@ -1,0 +1,181 @@
+"""Reads a trial back; one that was cut short (a kill, a full disk) up to its last whole record."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any, NamedTuple
+
+import cv2
+import numpy as np
+import yaml
+from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+from foxglove_schemas_protobuf.Log_pb2 import Log
+from google.protobuf.message import DecodeError  # type: ignore[import-untyped]
+from mcap.exceptions import EndOfFile, InvalidMagic, McapError, RecordLengthLimitExceeded
+from mcap.records import Channel, Footer, McapRecord, Message, Metadata
+from mcap.stream_reader import StreamReader
+from mcap.writer import MCAP0_MAGIC
+
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.trial.log import FILE_NAME, PART_NAME
+from adatracker_deploy.trial.mask_png import decode_mask
+from adatracker_deploy.trial.step_json import STEP_FORMAT, step_from_json
+
+if TYPE_CHECKING:
+    from collections.abc import Container, Iterator
+
+    from numpy.typing import NDArray
+
+    from adatracker_deploy.messages import ClassMask
+    from adatracker_deploy.trial.record import StepRecord
+
+RECORD_SIZE_LIMIT = 64 << 20
+"""A record that claims more, bytes, is damage."""
+
+
+class LoggedEvent(NamedTuple):
+    """A line of the log; wall-clock time, ns."""
+
+    wall_ns: int
+    level: str
+    message: str
+
+
+class LoggedFrame(NamedTuple):
+    """A camera frame, RGB uint8 (H, W, 3), and its class mask, uint8 of the mask's own size."""
+
+    seq: int
+    rgb: NDArray[np.uint8]
+    mask: ClassMask
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """A trial as it was logged, without its frames."""
+
+    path: Path
+    """The file that was read."""
+    platform: str
+    kind: str
+    policy: str
+    planned_steps: int
+    config: Mapping[str, Any]
+    summary: Mapping[str, Any] | None
+    """As the run wrote it; None when the run was cut short."""
+    steps: tuple[StepRecord, ...]
+    events: tuple[LoggedEvent, ...]
+    complete: bool
+    """The file has its end; a truncated one was read up to its last whole record."""
+
+    def frames(self, wanted: Container[int] | None = None) -> Iterator[LoggedFrame]:
+        """Read the frames whose sequence number is wanted (by default all), in order, one at a time."""
+        jpeg = b""
+        for topic, record in _records(self.path):
+            if topic not in ("/camera", "/mask") or (wanted is not None and record.sequence not in wanted):
+                continue
+            image = CompressedImage.FromString(record.data).data
+            if topic == "/camera":  # its mask is the next record
+                jpeg = image
+            else:
+                bgr = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
+                yield LoggedFrame(record.sequence, cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), decode_mask(image))
+
+
+def read_trial(path: Path) -> Trial:
+    """Read a trial's folder, or its ``trial.mcap`` or ``trial.mcap.part``.
+
+    Raises:
+        UsageError: nothing is there, or it is not a trial of this toolkit.
+    """
+    file = _trial_file(path)
+    metadata: dict[str, Mapping[str, str]] = {}
+    steps: list[StepRecord] = []
+    events: list[LoggedEvent] = []
+    complete = False
+    try:
+        for topic, record in _records(file):
+            if isinstance(record, Metadata):
+                metadata[record.name] = record.metadata
+            elif isinstance(record, Footer):
+                complete = True
+            elif topic == "/step":
+                steps.append(step_from_json(record.data))
+            elif topic == "/log":
+                line = Log.FromString(record.data)
+                events.append(LoggedEvent(record.log_time, Log.Level.Name(line.level).lower(), line.message))
+        about = metadata["trial"]
+        if int(about["step_format"]) > STEP_FORMAT:
+            raise UsageError(f"{file}: written by a newer version of this toolkit; update adatracker-deploy")
+        return Trial(
+            path=file,
+            platform=about["platform"],
+            kind=about["kind"],
+            policy=about["policy"],
+            planned_steps=int(about["steps"]),
+            config=yaml.safe_load(metadata["config"]["yaml"]),
+            summary=json.loads(metadata["summary"]["json"]) if "summary" in metadata else None,
+            steps=tuple(sorted(steps, key=lambda step: step.step)),
+            events=tuple(events),
+            complete=complete,
+        )
+    except (KeyError, TypeError, ValueError, DecodeError, yaml.YAMLError) as error:
+        raise UsageError(f"{file}: not a trial of this toolkit ({_one_line(error)})") from error
+
+
+def find_trials(path: Path) -> list[Path]:
+    """Return the trials that a path names: itself, or those in the folders below it, sorted.
+
+    Raises:
+        UsageError: there is none.
+    """
+    if not path.is_dir():
+        return [path]
+    found = {file.parent for name in (FILE_NAME, PART_NAME) for file in path.rglob(name)}
+    if not found:
+        raise UsageError(f"{path}: no trials in it: no folder here has a {FILE_NAME}")
+    return sorted(found)
+
+
+def _trial_file(path: Path) -> Path:
+    candidates = [path / FILE_NAME, path / PART_NAME] if path.is_dir() else [path]
+    for candidate in candidates:
+        if candidate.is_file():
+            return candidate
+    missing = f"no {FILE_NAME} in it" if path.is_dir() else "no such file or folder"
+    raise UsageError(f"{path}: {missing}")
+
+
+def _records(path: Path) -> Iterator[tuple[str, Any]]:
+    """Give each record with its topic (empty where it has none), up to the last whole one.
+
+    Raises:
+        UsageError: the file cannot be read, or is not MCAP.
+    """
+    topics: dict[int, str] = {}
+    try:
+        with path.open("rb") as stream:
+            if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
+                raise UsageError(f"{path}: not an MCAP file")
+            for record in _until_truncated(stream):
+                if isinstance(record, Channel):
+                    topics[record.id] = record.topic
+                yield topics.get(record.channel_id, "") if isinstance(record, Message) else "", record
+    except (OSError, McapError) as error:
+        raise UsageError(f"{path}: cannot be read ({_one_line(error)})") from error
+
+
+def _until_truncated(stream: IO[bytes]) -> Iterator[McapRecord]:
+    """Give the whole records; what a truncated file's last bytes look like is any of these errors."""
+    with contextlib.suppress(
+        EndOfFile, RecordLengthLimitExceeded, InvalidMagic, struct.error, UnicodeDecodeError
+    ):
+        yield from StreamReader(stream, skip_magic=True, record_size_limit=RECORD_SIZE_LIMIT).records
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(f"{type(error).__name__} {error}".split())
