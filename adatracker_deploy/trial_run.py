@@ -112,7 +112,13 @@ class _Trial:
         self.progress.phase("connecting")
         self._refuse_unready(self.link.connect())
         self.log = TrialLog.create(
-            plan.log_dir, plan.platform.name, "sitl" if plan.sitl else "real", self._config(profile)
+            plan.log_dir,
+            platform=plan.platform.name,
+            kind="sitl" if plan.sitl else "real",
+            policy=plan.policy.info.name,
+            steps=plan.steps,
+            config=self._config(profile),
+            now_ns=self.clock.now_ns(),
         )
         try:
             ending = self._engage_and_follow(camera, profile)
@@ -223,6 +229,7 @@ class _Trial:
             policy=self.plan.policy.info.name,
             outcome=ending.outcome,
             reason=ending.reason,
+            steps=self.plan.steps,
             stop_s=stop_s,
             trial=self.log.folder,
         )
@@ -270,9 +277,8 @@ class _Trial:
         plan = self.plan
         return {
             "profile": asdict(profile),
-            "policy": {"name": plan.policy.info.name, "sha256": dict(plan.policy.info.sha256)},
+            "policy_sha256": dict(plan.policy.info.sha256),
             "scene": plan.scene,
-            "steps": plan.steps,
             "target_speed_m_s": plan.target_speed_m_s,
             "seed": plan.seed,
             "speed": plan.speed,

@@ -6,6 +6,7 @@ import argparse
 import dataclasses
 import json
 import math
+import os
 import signal
 import time
 from pathlib import Path
@@ -95,6 +96,7 @@ def _plan(args: argparse.Namespace) -> TrialPlan:
     profile = load_profile(args.profile or platform.default_profile, platform)
     scene = scene_of(args.camera or (WORLD + args.scene if args.scene else profile.camera.uri))
     _check_world(scene)
+    _check_log_dir(args.log_dir)
     return TrialPlan(
         platform=platform,
         profile=profile,
@@ -117,6 +119,13 @@ def _check_world(scene: str) -> None:
             f"a virtual world needs {error.name}: pip install 'adatracker-deploy[sitl]'"
         ) from error
     check_scene(scene)
+
+
+def _check_log_dir(log_dir: Path) -> None:
+    """See that a trial could be logged, without leaving anything behind."""
+    nearest = next(folder for folder in (log_dir.absolute(), *log_dir.absolute().parents) if folder.exists())
+    if not nearest.is_dir() or not os.access(nearest, os.W_OK):
+        raise UsageError(f"log folder {log_dir}: {nearest} cannot be written; choose another with --log-dir")
 
 
 def _interrupt(*_: object) -> NoReturn:

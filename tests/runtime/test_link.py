@@ -1,0 +1,148 @@
+"""The link drives only while it is told to, and brings the robot to rest whenever it is not."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.platform import ZERO, Twist
+from adatracker_deploy.runtime.clock import FakeClock
+from adatracker_deploy.runtime.gate import Setpoint
+from adatracker_deploy.runtime.link import RATE_HZ, Link, Phase
+from adatracker_deploy.runtime.link_process import wall_timeouts
+from adatracker_deploy.testing.fake import FakePlatform, fake_profile
+
+GO = Twist(vx=0.8, yaw_rate=0.2)
+
+
+class Rig:
+    """A link over the fake platform, in lock-step: manoeuvres run inline."""
+
+    def __init__(self, platform_class=FakePlatform) -> None:
+        self.clock = FakeClock()
+        self.profile = fake_profile()
+        self.platform = platform_class(self.profile, self.clock)
+        self.platform.connect()
+        self.setpoint: Setpoint | None = None
+        self.link = Link(
+            self.platform, self.profile.limits, self.clock, lambda: self.setpoint, spawn=lambda job: job()
+        )
+
+    def step(self, seconds: float, command: Twist | None = None):
+        """Step at the link's rate; with a command, renew it every step."""
+        status = self.link.status
+        for _ in range(round(seconds * RATE_HZ)):
+            self.clock.advance(1 / RATE_HZ)
+            now_ns = self.clock.now_ns()
+            if command is not None:
+                self.setpoint = Setpoint(command, now_ns)
+            status = self.link.step(now_ns)
+        return status
+
+    def driving(self) -> Rig:
+        self.link.engage()
+        assert self.step(1.0, GO).sent == GO
+        return self
+
+
+def test_nothing_is_sent_before_engaging():
+    rig = Rig()
+    assert rig.step(1.0, GO).phase is Phase.IDLE
+    assert rig.platform.sent == []
+
+
+def test_a_robot_that_is_not_told_to_move_stands_still_and_is_given_up():
+    rig = Rig()
+    rig.link.engage()
+    assert rig.step(0.1).sent == ZERO
+    assert rig.step(rig.profile.limits.disengage_after_s).phase is Phase.DONE
+    assert all(twist == ZERO for twist in rig.platform.sent)
+
+
+def test_when_commands_cease_it_sends_zero_then_holds_then_disengages():
+    rig, phases = Rig().driving(), []
+    limits = rig.profile.limits
+    last_ns = rig.setpoint.t_ns
+    while not phases or phases[-1][1] is not Phase.DONE:
+        status = rig.step(1 / RATE_HZ)
+        age_s = (rig.clock.now_ns() - last_ns) / 1e9
+        phases.append((age_s, status.phase))
+        assert status.sent == ZERO or age_s <= limits.command_timeout_s
+    held_s = next(age for age, phase in phases if phase is Phase.HOLDING)
+    assert held_s == pytest.approx(limits.hold_after_s, abs=0.03)
+    assert phases[-1][0] == pytest.approx(limits.disengage_after_s, abs=0.03)
+    assert not rig.platform.state().engaged
+
+
+def test_commands_that_come_back_after_a_hold_change_nothing():
+    rig = Rig().driving()
+    assert rig.step(rig.profile.limits.hold_after_s + 0.1).phase is Phase.HOLDING
+    count = len(rig.platform.sent)
+    assert rig.step(0.5, GO).phase is Phase.HOLDING
+    assert len(rig.platform.sent) == count
+
+
+def test_nan_stops_in_the_same_step_and_never_reaches_the_robot():
+    rig = Rig().driving()
+    status = rig.step(1 / RATE_HZ, Twist(vx=math.nan))
+    assert (status.phase, status.stopped, status.takeover) == (Phase.HOLDING, "not_finite", False)
+    assert all(twist.is_finite() for twist in rig.platform.sent)
+    assert rig.platform.state().stopped == "not_finite"
+
+
+def test_a_takeover_is_respected_and_told_apart_from_a_stop_of_ours():
+    rig = Rig().driving()
+    rig.platform.take_over()
+    status = rig.step(0.1, GO)
+    assert (status.phase, status.takeover) == (Phase.HOLDING, True)
+    assert "pilot" in status.stopped
+    held = Rig().driving()
+    held.link.hold("enough")
+    assert not held.step(0.1, GO).takeover
+
+
+def test_a_robot_that_refuses_a_command_is_held_with_its_reason():
+    class Refusing(FakePlatform):
+        def send(self, command, now_ns):
+            raise PlatformError("the wire is cut")
+
+    rig = Rig(Refusing)
+    rig.link.engage()
+    assert rig.step(0.1, GO).stopped == "the wire is cut"
+
+
+def test_an_engage_that_fails_ends_with_its_reason():
+    class Grounded(FakePlatform):
+        def engage(self):
+            raise PlatformError("no GPS fix")
+
+    rig = Rig(Grounded)
+    rig.link.engage()
+    assert (rig.link.status.phase, rig.link.status.stopped) == (Phase.DONE, "no GPS fix")
+    assert any("no GPS fix" in event.message for event in rig.link.drain_events())
+
+
+def test_an_adapters_bug_while_engaging_is_a_failure_with_a_reason():
+    class Broken(FakePlatform):
+        def engage(self):
+            raise ZeroDivisionError("oops")
+
+    rig = Rig(Broken)
+    rig.link.engage()
+    assert rig.link.status.phase is Phase.DONE
+    assert "ZeroDivisionError" in rig.link.status.stopped
+
+
+def test_it_never_engages_twice():
+    rig = Rig().driving()
+    rig.link.disengage("done")
+    rig.link.engage()
+    assert rig.step(0.5, GO).phase is Phase.DONE
+
+
+def test_its_time_outs_stay_in_machine_time_at_any_speed():
+    limits = wall_timeouts(fake_profile().limits, 5.0)
+    assert limits.command_timeout_s == pytest.approx(5 * fake_profile().limits.command_timeout_s)
+    assert limits.forward_m_s == fake_profile().limits.forward_m_s
