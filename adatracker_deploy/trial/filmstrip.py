@@ -1,0 +1,198 @@
+"""A trial as one picture: evenly spaced frames as the robot saw them, above its curves over time."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.messages import MaskClass
+from adatracker_deploy.trial.mask_png import PALETTE
+from adatracker_deploy.trial.metrics import DESIRED_DISTANCE_M, box_reward
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from adatracker_deploy.messages import Box, ClassMask
+    from adatracker_deploy.trial.reader import LoggedFrame, Trial
+    from adatracker_deploy.trial.record import StepRecord
+
+    Image = NDArray[np.uint8]
+    Colour = tuple[int, int, int]
+
+FRAME_PX = 220
+"""Height of each frame."""
+LABEL_PX = 26
+CHART_PX = 84
+"""Height of each chart."""
+GAP_PX = 14
+LEFT_PX = 110
+"""Room for the charts' names and scales."""
+OVERLAY = 0.45
+"""How strongly the mask is painted over a frame."""
+
+PAPER = (255, 255, 255)
+INK = (40, 44, 52)
+GREY = (130, 136, 146)
+FAINT = (226, 229, 234)
+LOST = (250, 222, 217)
+RED = (200, 50, 40)
+BLUE = (33, 105, 190)
+GREEN = PALETTE[MaskClass.TARGET]
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """One chart: a value a step, None where there is none."""
+
+    name: str
+    values: Sequence[float | None]
+    low: float
+    high: float
+    wanted: float
+    """Where the value would best be; drawn as a grey line."""
+
+
+def film_strip(trial: Trial, frames: int = 8) -> Image:
+    """Draw a trial as an RGB image of shape (H, W, 3), uint8.
+
+    Args:
+        trial: as it was read.
+        frames: how many to show, evenly spaced over the steps.
+
+    Raises:
+        UsageError: the log has no steps, or no frames for them.
+    """
+    shown = _evenly_spaced(trial.steps, frames)
+    logged = {frame.seq: frame for frame in trial.frames({step.frame_seq for step in shown})}
+    pairs = [(step, logged[step.frame_seq]) for step in shown if step.frame_seq in logged]
+    if not pairs:
+        raise UsageError(f"{trial.path}: no camera frames in it, so there is no film strip to make")
+    began_ns = trial.steps[0].t_ns
+    pictures = [_picture(step, frame, (step.t_ns - began_ns) / 1e9) for step, frame in pairs]
+    strip = np.hstack([_padded(picture, GAP_PX) for picture in pictures])
+    curves = _curves(trial.steps)
+    width = max(strip.shape[1], 3 * LEFT_PX) + LEFT_PX
+    height = LABEL_PX + strip.shape[0] + len(curves) * (CHART_PX + GAP_PX) + LABEL_PX
+    canvas = np.full((height, width, 3), PAPER, np.uint8)
+    _write(canvas, _title(trial), (GAP_PX, LABEL_PX - 6), INK, 0.5)
+    canvas[LABEL_PX : LABEL_PX + strip.shape[0], LEFT_PX : LEFT_PX + strip.shape[1]] = strip
+    times_s = [(step.t_ns - began_ns) / 1e9 for step in trial.steps]
+    lost = [step.box is None for step in trial.steps]
+    top = LABEL_PX + strip.shape[0]
+    for curve in curves:
+        _chart(canvas[top : top + CHART_PX], curve, times_s, lost)
+        top += CHART_PX + GAP_PX
+    _time_axis(canvas, top, times_s[-1])
+    return canvas
+
+
+def _evenly_spaced(steps: Sequence[StepRecord], count: int) -> list[StepRecord]:
+    if not steps:
+        return []
+    places = np.linspace(0, len(steps) - 1, min(count, len(steps)))
+    return [steps[round(place)] for place in places]
+
+
+def _title(trial: Trial) -> str:
+    outcome = trial.summary["outcome"] if trial.summary else "cut short"
+    return f"{trial.platform} ({trial.kind}), policy {trial.policy}: {outcome}, {len(trial.steps) - 1} steps"
+
+
+def _curves(steps: Sequence[StepRecord]) -> list[Curve]:
+    reference = next((step.box for step in steps if step.box is not None), None)
+
+    def reward(box: Box | None) -> float:
+        return box_reward(box, reference) if box is not None and reference is not None else 0.0
+
+    curves = [Curve("R (box)", [reward(step.box) for step in steps], 0.0, 1.0, wanted=1.0)]
+    if any(step.distance_m is not None for step in steps):
+        bearings = [None if step.bearing_rad is None else math.degrees(step.bearing_rad) for step in steps]
+        curves += [
+            Curve("distance, m", [step.distance_m for step in steps], 0.0, 7.5, wanted=DESIRED_DISTANCE_M),
+            Curve("bearing, deg", bearings, -45.0, 45.0, wanted=0.0),
+        ]
+    return curves
+
+
+def _picture(step: StepRecord, frame: LoggedFrame, time_s: float) -> Image:
+    """Draw one frame with its mask painted over, its box, and a line of text below."""
+    height, width = frame.rgb.shape[:2]
+    size = (max(1, round(width * FRAME_PX / height)), FRAME_PX)
+    image = cv2.resize(
+        frame.rgb, size, interpolation=cv2.INTER_AREA if height > FRAME_PX else cv2.INTER_CUBIC
+    )
+    image = _painted(image, cv2.resize(frame.mask, size, interpolation=cv2.INTER_NEAREST))
+    if step.box is not None:
+        _outline(image, step.box)
+    label = np.full((LABEL_PX, size[0], 3), PAPER, np.uint8)
+    _write(label, f"{time_s:.1f} s", (2, 18), INK, 0.45)
+    if step.box is None:
+        _write(label, "lost", (size[0] - 40, 18), RED, 0.45)
+    elif step.distance_m is not None:
+        _write(label, f"{step.distance_m:.1f} m", (size[0] - 56, 18), INK, 0.45)
+    return np.vstack([image, label])
+
+
+def _painted(image: Image, mask: ClassMask) -> Image:
+    colours = np.array(PALETTE, np.uint8)[np.minimum(mask, len(PALETTE) - 1)]
+    mixed = cv2.addWeighted(image, 1 - OVERLAY, colours, OVERLAY, 0)
+    people = np.isin(mask, (MaskClass.TARGET, MaskClass.PERSON))
+    return np.where(people[..., None], mixed, image)
+
+
+def _outline(image: Image, box: Box) -> None:
+    height, width = image.shape[:2]
+    corners = [
+        (round((box.cx + side * box.w / 2) * width), round((box.cy + side * box.h / 2) * height))
+        for side in (-1, 1)
+    ]
+    cv2.rectangle(image, corners[0], corners[1], GREEN, 2, cv2.LINE_AA)
+
+
+def _padded(image: Image, gap_px: int) -> Image:
+    return np.pad(image, ((0, 0), (0, gap_px), (0, 0)), constant_values=PAPER[0])
+
+
+def _chart(area: Image, curve: Curve, times_s: Sequence[float], lost: Sequence[bool]) -> None:
+    """Draw a curve into a strip as wide as the picture; lost stretches are shaded."""
+    height, width = area.shape[0], area.shape[1] - LEFT_PX - GAP_PX
+    duration_s = times_s[-1] or 1.0
+
+    def at(time_s: float, value: float) -> tuple[int, int]:
+        share = (min(max(value, curve.low), curve.high) - curve.low) / (curve.high - curve.low)
+        return LEFT_PX + round(time_s / duration_s * width), round((1 - share) * (height - 3)) + 1
+
+    for before_s, now_s, gone in zip(times_s, times_s[1:], lost[1:], strict=False):
+        if gone:
+            area[:, at(before_s, 0)[0] : at(now_s, 0)[0] + 1] = LOST
+    cv2.line(area, at(0, curve.wanted), at(duration_s, curve.wanted), GREY, 1)
+    cv2.rectangle(area, at(0, curve.high), at(duration_s, curve.low), FAINT, 1)
+    points = [
+        None if value is None else at(time_s, value)
+        for time_s, value in zip(times_s, curve.values, strict=True)
+    ]
+    for start, end in itertools.pairwise(points):
+        if start is not None and end is not None:
+            cv2.line(area, start, end, BLUE, 1, cv2.LINE_AA)
+    _write(area, curve.name, (GAP_PX, height // 2 + 4), INK, 0.42)
+    _write(area, f"{curve.high:g}", (LEFT_PX - 28, 12), GREY, 0.36)
+    _write(area, f"{curve.low:g}", (LEFT_PX - 28, height - 4), GREY, 0.36)
+
+
+def _time_axis(canvas: Image, top: int, duration_s: float) -> None:
+    _write(canvas, "0 s", (LEFT_PX, top + 4), GREY, 0.4)
+    _write(canvas, f"{duration_s:.1f} s", (canvas.shape[1] - GAP_PX - 56, top + 4), GREY, 0.4)
+    if canvas.shape[1] > 6 * LEFT_PX:
+        _write(canvas, "shaded: target lost", (canvas.shape[1] // 2 - 40, top + 4), GREY, 0.4)
+
+
+def _write(image: Image, text: str, at: tuple[int, int], colour: Colour, scale: float) -> None:
+    cv2.putText(image, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, colour, 1, cv2.LINE_AA)
