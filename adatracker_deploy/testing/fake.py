@@ -1,0 +1,234 @@
+"""A whole platform on one page: a kinematic robot behind no wire, with the real rules of stopping.
+
+Tests of the loop, the gate and the link use it; it passes the same conformance suite as a real adapter.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Annotated
+
+from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.geometry import Pose
+from adatracker_deploy.platform import (
+    ZERO,
+    Body,
+    CameraMount,
+    Check,
+    Limits,
+    Platform,
+    PlatformState,
+    Sitl,
+    Twist,
+)
+from adatracker_deploy.profile import CameraSettings, Profile
+from adatracker_deploy.schema import Range
+
+if TYPE_CHECKING:
+    from adatracker_deploy.runtime.clock import Clock
+
+_STEP_S = 0.01
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FakeConnection:
+    """What the robot itself does."""
+
+    command_timeout_s: Annotated[float, Range(0.05, 5)] = 0.5
+    """The robot stops by itself when the last command is older than this."""
+    engage_s: Annotated[float, Range(0, 10)] = 0.5
+    """How long engaging takes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FakeSitlSettings:
+    """The dynamics."""
+
+    camera: CameraMount = field(default_factory=lambda: CameraMount(up_m=1.0))
+    lag_s: Annotated[float, Range(0.01, 5)] = 0.1
+    """Time constant of the velocity, s."""
+
+
+class KinematicBody(Body):
+    """A ground robot whose velocity follows the command with a first-order lag."""
+
+    def __init__(self, settings: FakeSitlSettings) -> None:
+        self._settings = settings
+        self.reset(Pose(), seed=0)
+
+    def reset(self, pose: Pose, seed: int) -> None:  # noqa: ARG002 -- nothing here is random
+        """Stand still at `pose`."""
+        self._pose, self._velocity = pose, ZERO
+
+    def step(self, command: Twist, dt_s: float) -> None:
+        """Turn and go forward; the robot cannot go sideways or up."""
+        gain = 1 - math.exp(-dt_s / self._settings.lag_s)
+        vx = self._velocity.vx + gain * (command.vx - self._velocity.vx)
+        yaw_rate = self._velocity.yaw_rate + gain * (command.yaw_rate - self._velocity.yaw_rate)
+        self._velocity = Twist(vx=vx, yaw_rate=yaw_rate)
+        self._pose = self._pose @ Pose(x=vx * dt_s, yaw=yaw_rate * dt_s)
+
+    @property
+    def pose(self) -> Pose:
+        """Where the robot is, on the ground."""
+        return self._pose
+
+    @property
+    def camera_pose(self) -> Pose:
+        """Where its camera is and looks."""
+        return self._settings.camera.pose(self._pose)
+
+    @property
+    def velocity(self) -> Twist:
+        """Its velocity now."""
+        return self._velocity
+
+
+class FakeFarEnd(Sitl):
+    """Nothing is behind the wire: the fake platform is its own robot."""
+
+    def __init__(self, profile: Profile) -> None:
+        self._profile = profile
+
+    def start(self, clock: Clock, seed: int) -> Profile:  # noqa: ARG002 -- nothing here is random
+        """Return the profile as it is."""
+        return self._profile
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+class FakePlatform(Platform):
+    """A robot that moves as its clock does: whoever looks at it lets it catch up with the time."""
+
+    name = "fake"
+    axes = frozenset({"vx", "yaw_rate"})
+    Connection = FakeConnection
+    SitlSettings = FakeSitlSettings
+    default_profile = "fake"
+
+    def __init__(self, profile: Profile, clock: Clock) -> None:
+        super().__init__(profile, clock)
+        self.sent: list[Twist] = []
+        """Everything that went out, oldest first."""
+        self._body = KinematicBody(profile.sitl)
+        self._lock = threading.RLock()
+        self._now_ns = self._sent_ns = clock.now_ns()
+        self._command = ZERO
+        self._connected = self._consent = self._engaged = False
+        self._stopped = ""
+
+    def connect(self) -> None:
+        """Begin to hear the robot."""
+        self._connected = True
+
+    def preflight(self) -> tuple[Check, ...]:
+        """Look at the robot's own time-out."""
+        self._require_connection()
+        timeout_s = self.profile.connection.command_timeout_s
+        return (
+            Check("command time-out", ok=True, message=f"the robot stops by itself after {timeout_s:g} s"),
+        )
+
+    def engage(self) -> None:
+        """Take `engage_s`, during which any stop ends it."""
+        with self._lock:
+            self._require_connection()
+            self._consent, self._stopped = True, ""
+        until_ns = self.clock.now_ns() + round(self.profile.connection.engage_s * 1e9)
+        while self._consent and (now_ns := self.clock.now_ns()) < until_ns:
+            self.clock.sleep_until(min(until_ns, now_ns + 10_000_000))
+        with self._lock:
+            if not self._consent:
+                raise PlatformError(f"engaging was stopped: {self._stopped or 'disengaged'}")
+            self._engaged = True
+
+    def send(self, command: Twist, now_ns: int) -> Twist:
+        """Drive; sideways and upward parts are dropped."""
+        if not command.is_finite():
+            raise PlatformError(f"refused to send {command}: not finite")
+        with self._lock:
+            if not self._engaged:
+                raise PlatformError(f"not engaged: {self._stopped or 'engage first'}")
+            self._catch_up()
+            self._command, self._sent_ns = Twist(vx=command.vx, yaw_rate=command.yaw_rate), now_ns
+            self.sent.append(self._command)
+            return self._command
+
+    def state(self) -> PlatformState:
+        """Return where the robot is now."""
+        with self._lock:
+            if not self._connected:
+                return PlatformState(t_ns=0, stopped=self._stopped)
+            self._catch_up()
+            return PlatformState(
+                t_ns=self._now_ns,
+                mode="DRIVE" if self._engaged else "IDLE",
+                engaged=self._engaged,
+                pose=self._body.pose,
+                velocity=self._body.velocity,
+                battery=1.0,
+                stopped=self._stopped,
+            )
+
+    def hold(self, reason: str) -> None:
+        """Stop; the first reason stays."""
+        with self._lock:
+            self._catch_up()
+            if self._engaged:
+                self.sent.append(ZERO)
+            self._consent = self._engaged = False
+            self._command, self._stopped = ZERO, self._stopped or reason[:95]
+
+    def take_over(self) -> None:
+        """Do what a pilot does: take the robot away from whoever commands it."""
+        self.hold("the pilot has taken over")
+
+    def disengage(self) -> None:
+        """Stop and be disabled."""
+        self.hold("")
+
+    def close(self) -> None:
+        """Let go; a robot that still drives is stopped first."""
+        self.disengage()
+        self._connected = False
+
+    @classmethod
+    def body(cls, profile: Profile) -> Body:
+        """Return the same dynamics on their own."""
+        return KinematicBody(profile.sitl)
+
+    @classmethod
+    def sitl(cls, profile: Profile) -> Sitl:
+        """Return the far end that is not there."""
+        return FakeFarEnd(profile)
+
+    def _require_connection(self) -> None:
+        if not self._connected:
+            raise PlatformError("the robot is not connected: connect first")
+
+    def _catch_up(self) -> None:
+        now_ns = self.clock.now_ns()
+        expires_ns = self._sent_ns + round(self.profile.connection.command_timeout_s * 1e9)
+        while self._now_ns < now_ns:
+            until_ns = min(now_ns, self._now_ns + round(_STEP_S * 1e9))
+            command = self._command if self._now_ns < expires_ns else ZERO
+            self._body.step(command, (until_ns - self._now_ns) / 1e9)
+            self._now_ns = until_ns
+
+
+def fake_profile(connection: FakeConnection | None = None, sitl: FakeSitlSettings | None = None) -> Profile:
+    """Return a profile for `FakePlatform`: 1 m/s and 1 rad/s at most."""
+    return Profile(
+        name="fake",
+        platform="fake",
+        description="a kinematic robot behind no wire",
+        limits=Limits(
+            forward_m_s=1.0, backward_m_s=0.5, yaw_rate_rad_s=1.0, accel_m_s2=2.0, yaw_accel_rad_s2=4.0
+        ),
+        camera=CameraSettings(uri="world://simple_room"),
+        connection=connection or FakeConnection(),
+        sitl=sitl or FakeSitlSettings(),
+    )

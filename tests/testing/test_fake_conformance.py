@@ -1,0 +1,57 @@
+"""The fake keeps the promises that it stands in for."""
+
+import pytest
+
+from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.platform import ZERO, Twist
+from adatracker_deploy.runtime.clock import FakeClock
+from adatracker_deploy.testing.conformance import PlatformConformance
+from adatracker_deploy.testing.fake import FakeConnection, FakePlatform, fake_profile
+
+
+class TestFakePlatform(PlatformConformance):
+    platform_class = FakePlatform
+    clock_speed = 10.0
+
+    @pytest.fixture(scope="class")
+    @classmethod
+    def profile(cls):
+        return fake_profile(FakeConnection(engage_s=2.0))
+
+
+def engaged_fake() -> tuple[FakePlatform, FakeClock]:
+    clock = FakeClock()
+    platform = FakePlatform(fake_profile(), clock)
+    platform.connect()
+    platform.engage()
+    return platform, clock
+
+
+def test_a_pilot_who_takes_over_stops_it_for_good():
+    platform, clock = engaged_fake()
+    platform.take_over()
+    assert "pilot" in platform.state().stopped
+    with pytest.raises(PlatformError, match="pilot"):
+        platform.send(ZERO, clock.now_ns())
+
+
+def test_the_first_reason_for_a_stop_stays():
+    platform, _ = engaged_fake()
+    platform.hold("first")
+    platform.hold("second")
+    assert platform.state().stopped == "first"
+
+
+def test_in_exact_time_it_runs_on_for_its_time_out_and_then_stops():
+    platform, clock = engaged_fake()
+    platform.send(Twist(vx=1.0), clock.now_ns())
+    clock.advance(10.0)
+    assert platform.state().pose.x == pytest.approx(0.5, abs=0.01)
+    assert platform.state().velocity.vx == pytest.approx(0.0, abs=1e-3)
+
+
+def test_it_remembers_everything_that_was_sent_and_a_last_zero():
+    platform, clock = engaged_fake()
+    platform.send(Twist(vx=0.3, vy=0.2), clock.now_ns())
+    platform.hold("enough")
+    assert platform.sent == [Twist(vx=0.3), ZERO]
