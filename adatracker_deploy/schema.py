@@ -66,6 +66,8 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
     if typing.get_origin(hint) is typing.Annotated:
         hint, *marks = typing.get_args(hint)
         bounds = tuple(mark for mark in marks if isinstance(mark, Range))
+    if hint is Any:
+        return value
     origin, args = typing.get_origin(hint), typing.get_args(hint)
     if origin in (typing.Union, types.UnionType):
         return _optional(args, bounds, value, where)
