@@ -111,6 +111,7 @@ class DronePlatform(Platform):
             if self._helm.engaged:
                 return
             self._helm.give_consent()
+            proven_ns = self._deadline_ns(_PROOF_OF_LIFE_S)
             try:
                 if vehicle.heard.landed is False:
                     self._demand(
@@ -121,7 +122,7 @@ class DronePlatform(Platform):
                     )
                 else:
                     self._climb(vehicle)
-                self._enter_offboard(vehicle)
+                self._enter_offboard(vehicle, proven_ns)
             except PlatformError:
                 self._helm.withdraw()
                 raise
@@ -249,10 +250,17 @@ class DronePlatform(Platform):
             f"the drone did not climb to {self._connection.takeoff_altitude_m:g} m and hold there",
         )
 
-    def _enter_offboard(self, vehicle: Vehicle) -> None:
-        """Switch from HOLD, and only from HOLD: a take-off that ends would undo an earlier switch."""
+    def _enter_offboard(self, vehicle: Vehicle, proven_ns: int) -> None:
+        """Switch from HOLD, and only from HOLD: a take-off that ends would undo an earlier switch.
+
+        Args:
+            vehicle: in HOLD, in the air.
+            proven_ns: when set-points will have gone out for long enough.
+        """
         self._helm.expect(vehicle, "HOLD", "OFFBOARD")
-        self._wait(vehicle, lambda _: False, _PROOF_OF_LIFE_S, lambda: self._helm.keep_alive(vehicle))
+        while self.clock.now_ns() < proven_ns:
+            self._helm.keep_alive(vehicle)
+            self.clock.sleep_until(self.clock.now_ns() + _TICK_NS)
         self._helm.take_charge()
         self._helm.hold_altitude(vehicle)
         for _ in range(2):

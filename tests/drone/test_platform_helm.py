@@ -1,0 +1,184 @@
+"""Who steers the drone, in exact time and without a drone."""
+
+import dataclasses
+import threading
+
+import pytest
+from adatracker_drone.connection import Connection
+from adatracker_drone.helm import Helm
+from adatracker_drone.vehicle import Heard
+from hypothesis import given
+from hypothesis import strategies as st
+
+from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.platform import ZERO, Twist
+from adatracker_deploy.runtime.clock import FakeClock
+
+
+class RecordingVehicle:
+    """A vehicle at 2 m in OFFBOARD that writes down every set-point; the wire itself is tested in SITL."""
+
+    def __init__(self, clock: FakeClock) -> None:
+        self.sent: list[Twist] = []
+        self._clock = clock
+        self.heard = Heard(mode="OFFBOARD")
+        self.hear()
+
+    def hear(self, **news) -> None:
+        position = {"position_t_ns": self._clock.now_ns(), "position_ned_m": (0.0, 0.0, -2.0)}
+        self.heard = dataclasses.replace(self.heard, **(position | news))
+
+    def send_velocity(self, command: Twist, now_ns: int) -> None:
+        self.sent.append(command)
+
+
+class Rig:
+    def __init__(self, speed: float = 1.0) -> None:
+        self.clock = FakeClock(speed=speed)
+        self.vehicle = RecordingVehicle(self.clock)
+        self.helm = Helm(Connection(), self.clock)
+
+    def steer(self, command: Twist = ZERO) -> Twist:
+        return self.helm.steer(self.vehicle, command, self.clock.now_ns())
+
+    def engage(self) -> "Rig":
+        self.helm.give_consent()
+        self.helm.take_charge()
+        self.helm.hold_altitude(self.vehicle)
+        self.helm.engage(self.vehicle)
+        return self
+
+
+def test_without_consent_nothing_leaves():
+    rig = Rig()
+    for send in (rig.steer, lambda: rig.helm.keep_alive(rig.vehicle)):
+        with pytest.raises(PlatformError):
+            send()
+    assert rig.vehicle.sent == []
+
+
+def test_consent_alone_lets_only_zero_out():
+    rig = Rig()
+    rig.helm.give_consent()
+    rig.helm.keep_alive(rig.vehicle)
+    with pytest.raises(PlatformError, match="not engaged"):
+        rig.steer(Twist(vx=1.0))
+    assert rig.vehicle.sent == [ZERO]
+
+
+def test_what_is_returned_is_what_was_sent_with_the_climb_that_keeps_the_altitude():
+    rig = Rig().engage()
+    rig.vehicle.hear(position_ned_m=(0.0, 0.0, -1.7))
+    sent = rig.steer(Twist(vx=1.0, yaw_rate=0.2))
+    assert sent == rig.vehicle.sent[-1]
+    assert (sent.vx, sent.yaw_rate) == (1.0, 0.2)
+    assert sent.vz == pytest.approx(0.3)
+
+
+def test_the_altitude_counts_from_where_the_drone_took_off():
+    rig = Rig()
+    rig.helm.ground_down_m = 1.0
+    assert rig.helm.altitude_m(rig.vehicle.heard) == 3.0
+
+
+def test_a_stop_sends_a_last_zero_and_then_nothing_until_consent_is_given_again():
+    rig = Rig().engage()
+    rig.steer(Twist(vx=1.0))
+    rig.helm.withdraw(rig.vehicle, "enough")
+    assert rig.vehicle.sent[-1].vx == 0.0
+    count = len(rig.vehicle.sent)
+    with pytest.raises(PlatformError, match="enough"):
+        rig.steer(Twist(vx=1.0))
+    rig.helm.on_mode("OFFBOARD")
+    with pytest.raises(PlatformError):
+        rig.helm.take_charge()
+    assert len(rig.vehicle.sent) == count
+    rig.engage()
+    assert rig.steer(Twist(vx=1.0)).vx == 1.0
+    assert rig.helm.stopped == ""
+
+
+def test_the_first_reason_stays_and_fits_its_place():
+    rig = Rig().engage()
+    rig.helm.withdraw(reason="x" * 500)
+    rig.helm.withdraw(reason="later")
+    assert rig.helm.stopped == "x" * 95
+
+
+@given(st.sampled_from(["POSCTL", "MANUAL", "HOLD", "LAND", "RETURN_TO_LAUNCH", "UNKNOWN"]))
+def test_a_mode_that_nobody_asked_for_ends_everything_and_the_drone_is_no_longer_ours(mode):
+    rig = Rig().engage()
+    rig.helm.on_mode(mode)
+    assert not rig.helm.engaged
+    assert not rig.helm.in_charge
+    assert mode in rig.helm.stopped
+    rig.helm.on_mode("OFFBOARD")
+    with pytest.raises(PlatformError, match=mode):
+        rig.steer(Twist(vx=1.0))
+    assert rig.vehicle.sent == []
+
+
+def test_the_modes_that_follow_a_stop_are_nobodys_takeover():
+    rig = Rig().engage()
+    rig.helm.withdraw(rig.vehicle, "enough")
+    rig.helm.on_mode("HOLD")
+    assert rig.helm.stopped == "enough"
+    assert rig.helm.in_charge
+
+
+def test_a_takeover_between_the_switch_and_the_engagement_is_seen():
+    rig = Rig()
+    rig.helm.give_consent()
+    rig.vehicle.hear(mode="POSCTL")
+    with pytest.raises(PlatformError, match="POSCTL"):
+        rig.helm.engage(rig.vehicle)
+    assert not rig.helm.engaged
+
+
+def test_a_drone_that_is_no_longer_heard_is_flown_no_further():
+    rig = Rig().engage()
+    rig.clock.advance(0.29)
+    rig.steer()
+    rig.clock.advance(0.02)
+    count = len(rig.vehicle.sent)
+    with pytest.raises(PlatformError, match="no position"):
+        rig.steer()
+    rig.vehicle.hear()
+    with pytest.raises(PlatformError, match="no position"):
+        rig.steer()
+    assert len(rig.vehicle.sent) == count
+
+
+def test_silence_is_counted_in_the_machines_time():
+    rig = Rig(speed=5.0).engage()
+    rig.clock.advance(1.4)
+    rig.steer()
+    rig.clock.advance(0.2)
+    with pytest.raises(PlatformError, match="no position"):
+        rig.steer()
+
+
+def test_no_set_point_slips_out_after_a_stop_however_the_threads_interleave():
+    for _ in range(20):
+        rig = Rig().engage()
+        go = threading.Event()
+
+        def sender(rig=rig, go=go) -> None:
+            go.wait()
+            try:
+                while True:
+                    rig.steer(Twist(vx=1.0))
+            except PlatformError:
+                pass
+
+        thread = threading.Thread(target=sender)
+        thread.start()
+        go.set()
+        while not rig.vehicle.sent:
+            pass
+        rig.helm.withdraw(rig.vehicle, "enough")
+        after_the_stop = len(rig.vehicle.sent)
+        thread.join(5.0)
+        assert not thread.is_alive()
+        assert len(rig.vehicle.sent) == after_the_stop
+        assert rig.vehicle.sent[-1].vx == 0.0
