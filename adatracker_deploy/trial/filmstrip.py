@@ -29,11 +29,11 @@ if TYPE_CHECKING:
 
 FRAME_PX = 220
 """Height of each frame."""
-LABEL_PX = 26
+LABEL_PX = 30
 CHART_PX = 84
 """Height of each chart."""
 GAP_PX = 14
-LEFT_PX = 110
+LEFT_PX = 140
 """Room for the charts' names and scales."""
 OVERLAY = 0.45
 """How strongly the mask is painted over a frame."""
@@ -82,7 +82,7 @@ def film_strip(trial: Trial, frames: int = 8) -> Image:
     width = max(strip.shape[1], 3 * LEFT_PX) + LEFT_PX
     height = LABEL_PX + strip.shape[0] + len(curves) * (CHART_PX + GAP_PX) + LABEL_PX
     canvas = np.full((height, width, 3), PAPER, np.uint8)
-    _write(canvas, _title(trial), (GAP_PX, LABEL_PX - 6), INK, 0.5)
+    _write(canvas, _title(trial), (LEFT_PX, LABEL_PX - 9), INK, 0.6)
     canvas[LABEL_PX : LABEL_PX + strip.shape[0], LEFT_PX : LEFT_PX + strip.shape[1]] = strip
     times_s = [(step.t_ns - began_ns) / 1e9 for step in trial.steps]
     lost = [step.box is None for step in trial.steps]
@@ -133,11 +133,11 @@ def _picture(step: StepRecord, frame: LoggedFrame, time_s: float) -> Image:
     if step.box is not None:
         _outline(image, step.box)
     label = np.full((LABEL_PX, size[0], 3), PAPER, np.uint8)
-    _write(label, f"{time_s:.1f} s", (2, 18), INK, 0.45)
+    _write(label, f"{time_s:.1f} s", (2, 20), INK, 0.55)
     if step.box is None:
-        _write(label, "lost", (size[0] - 40, 18), RED, 0.45)
+        _write(label, "lost", (size[0] - 42, 20), RED, 0.55)
     elif step.distance_m is not None:
-        _write(label, f"{step.distance_m:.1f} m", (size[0] - 56, 18), INK, 0.45)
+        _write(label, f"{step.distance_m:.1f} m", (size[0] - 62, 20), INK, 0.55)
     return np.vstack([image, label])
 
 
@@ -181,17 +181,17 @@ def _chart(area: Image, curve: Curve, times_s: Sequence[float], lost: Sequence[b
     ]
     for start, end in itertools.pairwise(points):
         if start is not None and end is not None:
-            cv2.line(area, start, end, BLUE, 1, cv2.LINE_AA)
-    _write(area, curve.name, (GAP_PX, height // 2 + 4), INK, 0.42)
-    _write(area, f"{curve.high:g}", (LEFT_PX - 28, 12), GREY, 0.36)
-    _write(area, f"{curve.low:g}", (LEFT_PX - 28, height - 4), GREY, 0.36)
+            cv2.line(area, start, end, BLUE, 2, cv2.LINE_AA)
+    _write(area, curve.name, (GAP_PX, height // 2 + 4), INK, 0.55)
+    _write(area, f"{curve.high:g}", (LEFT_PX - 34, 12), GREY, 0.45)
+    _write(area, f"{curve.low:g}", (LEFT_PX - 34, height - 4), GREY, 0.45)
 
 
 def _time_axis(canvas: Image, top: int, duration_s: float) -> None:
-    _write(canvas, "0 s", (LEFT_PX, top + 4), GREY, 0.4)
-    _write(canvas, f"{duration_s:.1f} s", (canvas.shape[1] - GAP_PX - 56, top + 4), GREY, 0.4)
+    _write(canvas, "0 s", (LEFT_PX, top + 8), GREY, 0.55)
+    _write(canvas, f"{duration_s:.1f} s", (canvas.shape[1] - GAP_PX - 64, top + 8), GREY, 0.55)
     if canvas.shape[1] > 6 * LEFT_PX:
-        _write(canvas, "shaded: target lost", (canvas.shape[1] // 2 - 40, top + 4), GREY, 0.4)
+        _write(canvas, "shaded: target lost", (canvas.shape[1] // 2 - 40, top + 8), GREY, 0.55)
 
 
 def _write(image: Image, text: str, at: tuple[int, int], colour: Colour, scale: float) -> None:
