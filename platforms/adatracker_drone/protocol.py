@@ -25,6 +25,10 @@ _DO_SET_MODE = 176
 """MAV_CMD_DO_SET_MODE."""
 _ARMED_CUSTOM_MODE = 129
 """MAV_MODE_FLAG_SAFETY_ARMED | MAV_MODE_FLAG_CUSTOM_MODE_ENABLED."""
+_SET_MESSAGE_INTERVAL = 511
+"""MAV_CMD_SET_MESSAGE_INTERVAL."""
+_HEARTBEAT = 0
+"""Message id."""
 _PX4_OFFBOARD = 6
 """PX4_CUSTOM_MAIN_MODE_OFFBOARD."""
 
@@ -95,15 +99,24 @@ def set_point_json(command: Twist, now_ns: int, autopilot: tuple[int, int] = AUT
 
 def offboard_json(autopilot: tuple[int, int] = AUTOPILOT) -> str:
     """Return the JSON fields of the COMMAND_LONG that switches PX4 to OFFBOARD."""
+    return _command_json(_DO_SET_MODE, _ARMED_CUSTOM_MODE, _PX4_OFFBOARD, autopilot)
+
+
+def heartbeat_rate_json(rate_hz: float, autopilot: tuple[int, int] = AUTOPILOT) -> str:
+    """Return the JSON fields of the COMMAND_LONG that asks for HEARTBEAT at a rate; PX4's own is 1 Hz."""
+    return _command_json(_SET_MESSAGE_INTERVAL, _HEARTBEAT, 1e6 / rate_hz, autopilot)
+
+
+def _command_json(command: int, param1: float, param2: float, autopilot: tuple[int, int]) -> str:
     system, component = autopilot
     return json.dumps(
         {
             "target_system": system,
             "target_component": component,
-            "command": _DO_SET_MODE,
+            "command": command,
             "confirmation": 0,
-            "param1": _ARMED_CUSTOM_MODE,
-            "param2": _PX4_OFFBOARD,
+            "param1": param1,
+            "param2": param2,
             **{f"param{n}": 0 for n in range(3, 8)},
         }
     )

@@ -25,7 +25,7 @@ from mavsdk.plugins.param import Param
 from mavsdk.plugins.telemetry import LandedState, StatusTextType, Telemetry
 
 from adatracker_deploy.errors import PlatformError, UsageError
-from adatracker_drone.protocol import check_url, offboard_json, set_point_json
+from adatracker_drone.protocol import check_url, heartbeat_rate_json, offboard_json, set_point_json
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -37,6 +37,7 @@ _log = logging.getLogger(__name__)
 _log.addHandler(logging.NullHandler())
 
 _DISCOVERY_SLICE_S = 0.1
+_STATUS_RATE_HZ = 5.0
 _AUTOPILOT_COMPONENT = 1
 """MAV_COMP_ID_AUTOPILOT1."""
 _ACCEPTED = 0
@@ -129,6 +130,7 @@ class Vehicle:
         self._telemetry.subscribe_health(self._on_health)
         self._telemetry.subscribe_battery(self._on_battery)
         self._telemetry.subscribe_status_text(self._on_status_text)
+        self._ask_for_rates()
         return True
 
     def send_velocity(self, command: Twist, now_ns: int) -> None:
@@ -181,6 +183,14 @@ class Vehicle:
     def close(self) -> None:
         """Release the connection; leaves no thread behind."""
         self._mavsdk.destroy()
+
+    def _ask_for_rates(self) -> None:
+        """Hear of a new mode and of landing within 0.2 s; an autopilot that refuses tells them at 1 Hz."""
+        with contextlib.suppress(MavsdkError):
+            self._direct.send_command(
+                self._message("COMMAND_LONG", heartbeat_rate_json(_STATUS_RATE_HZ, self._autopilot))
+            )
+            self._telemetry.set_rate_landed_state(_STATUS_RATE_HZ)
 
     def _message(self, name: str, fields: str) -> Any:
         system, component = self._autopilot

@@ -10,6 +10,7 @@ from adatracker_drone.protocol import (
     AltitudeHold,
     body_velocity,
     check_url,
+    heartbeat_rate_json,
     offboard_json,
     set_point_json,
 )
@@ -56,6 +57,11 @@ def test_offboard_is_asked_for_by_px4s_custom_mode():
     fields = json.loads(offboard_json((3, 1)))
     assert (fields["command"], fields["param1"], fields["param2"]) == (176, 129, 6)
     assert (fields["target_system"], fields["target_component"]) == (3, 1)
+
+
+def test_the_heartbeat_is_asked_for_by_its_interval_in_microseconds():
+    fields = json.loads(heartbeat_rate_json(5.0))
+    assert (fields["command"], fields["param1"], fields["param2"]) == (511, 0, 200_000)
 
 
 @given(speeds, speeds, speeds, angles)
