@@ -1,0 +1,140 @@
+"""The metrics against pencil and paper, and what must hold for any trial."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from adatracker_deploy.messages import Box
+from adatracker_deploy.trial.metrics import (
+    MAX_LOST_STEPS,
+    box_reward,
+    mean_std,
+    score_boxes,
+    score_steps,
+    step_reward,
+    target_visible,
+)
+from tests.trial.records import REFERENCE, a_step
+
+fraction = st.floats(0, 1)
+boxes = st.builds(Box, fraction, fraction, fraction, fraction)
+short_trials = st.lists(st.none() | boxes, max_size=MAX_LOST_STEPS)
+"""Too short to end by the rule of lost steps."""
+
+
+def test_a_perfect_trial_scores_one_and_not_more():
+    score = score_boxes([REFERENCE] * 101)
+    assert (score.mr, score.mr_visible, score.visibility, score.el) == (1.0, 1.0, 1.0, 100)
+
+
+def test_r_is_one_over_one_plus_the_two_distances():
+    moved = Box(0.5 + 0.3, 0.5 - 0.4, 0.2, 0.4)
+    grown = Box(0.5, 0.5, 0.2 + 0.06, 0.4 + 0.08)
+    both = Box(0.5 + 0.3, 0.5 - 0.4, 0.2 + 0.06, 0.4 + 0.08)
+    assert box_reward(moved, REFERENCE) == pytest.approx(1 / 1.5)
+    assert box_reward(grown, REFERENCE) == pytest.approx(1 / 1.1)
+    assert box_reward(both, REFERENCE) == pytest.approx(1 / 1.6)
+
+
+def test_lost_steps_count_as_zero_and_are_told_beside():
+    moved = Box(0.8, 0.9, 0.2, 0.4)  # R = 2/3
+    score = score_boxes([REFERENCE, moved, None, REFERENCE, None])
+    assert score.mr == pytest.approx((2 / 3 + 0 + 1 + 0) / 4)
+    assert score.mr_visible == pytest.approx((2 / 3 + 1) / 2)
+    assert score.visibility == 0.5
+    assert not score.lost
+
+
+def test_ticks_before_the_first_box_count_as_lost():
+    score = score_boxes([None, None, REFERENCE, REFERENCE])
+    assert score.mr == pytest.approx(1 / 3)
+    assert score.el == 3
+
+
+@pytest.mark.parametrize("ticks", [0, 1])
+def test_a_trial_that_ended_before_its_first_step_scores_zero(ticks):
+    score = score_boxes([REFERENCE] * ticks)
+    assert (score.mr, score.mr_visible, score.visibility, score.el) == (0.0, None, 0.0, 0)
+
+
+def test_the_fiftieth_lost_step_in_a_row_ends_the_trial_and_what_follows_does_not_count():
+    score = score_boxes([REFERENCE] * 11 + [None] * 50 + [REFERENCE] * 1000)
+    assert score.lost
+    assert score.el == 60
+    assert score.mr == pytest.approx(10 / 60)
+    assert score.mr_visible == 1.0
+
+
+def test_forty_nine_lost_steps_do_not_end_it():
+    score = score_boxes([REFERENCE] * 11 + [None] * 49 + [REFERENCE])
+    assert not score.lost
+    assert score.el == 60
+
+
+def test_the_published_simulator_needs_one_lost_step_more():
+    fifty_lost = [REFERENCE, *[None] * 50]
+    assert score_boxes(fifty_lost).lost
+    assert not score_boxes(fifty_lost, max_lost_steps=51).lost
+
+
+@pytest.mark.parametrize(
+    ("distance_m", "bearing_deg", "reward"),
+    [(2.5, 0, 1.0), (10.0, 0, 0.0), (2.5, 45, 0.0), (2.5, -45, 0.0), (0.0, 0, 2 / 3), (6.25, 22.5, 0.0)],
+)
+def test_the_reward_falls_with_distance_and_bearing(distance_m, bearing_deg, reward):
+    assert step_reward(distance_m, math.radians(bearing_deg)) == pytest.approx(reward)
+
+
+def test_ar_sums_the_reward_of_every_step_but_the_first_tick():
+    steps = [a_step(0), a_step(1), a_step(2, distance_m=10.0), a_step(3, bearing_rad=math.pi, box=None)]
+    assert score_steps(steps).ar == pytest.approx(1 + 0 + (1 - 4))
+
+
+def test_ar_is_unknown_without_truth():
+    steps = [a_step(step, distance_m=None, bearing_rad=None) for step in range(3)]
+    assert score_steps(steps).ar is None
+
+
+def test_a_tick_that_the_log_dropped_still_counts_in_the_episode_length():
+    assert score_steps([a_step(step) for step in (0, 1, 2, 5)]).el == 5
+
+
+def test_visible_means_in_the_mask_within_ninety_degrees_and_seven_and_a_half_metres():
+    edge = math.radians(45)
+    assert target_visible(7.5, edge, in_mask=True)
+    assert target_visible(7.5, -edge, in_mask=True)
+    assert not target_visible(7.51, 0.0, in_mask=True)
+    assert not target_visible(2.5, edge + 0.01, in_mask=True)
+    assert not target_visible(2.5, 0.0, in_mask=False)
+
+
+def test_the_std_is_that_of_a_sample_and_one_value_has_none():
+    assert mean_std([1.0, 2.0, 3.0]) == (2.0, 1.0)
+    assert mean_std([4.0]) == (4.0, None)
+
+
+@given(st.lists(st.none() | boxes, max_size=200))
+def test_every_share_lies_between_nothing_and_all(trial):
+    score = score_boxes(trial)
+    assert 0 <= score.mr <= 1
+    assert 0 <= score.visibility <= 1
+    assert score.mr <= (score.mr_visible or 0.0) + 1e-12
+
+
+@given(short_trials, boxes, st.data())
+def test_losing_one_step_more_never_raises_mr(trial, first, data):
+    trial = [first, *trial][:MAX_LOST_STEPS]
+    lost = data.draw(st.integers(1, len(trial))) if len(trial) > 1 else len(trial)
+    worse = [None if tick == lost else box for tick, box in enumerate(trial)]
+    assert score_boxes(worse).mr <= score_boxes(trial).mr + 1e-12
+
+
+@given(boxes, boxes)
+def test_r_is_one_only_for_the_reference_itself_and_the_same_both_ways(one, other):
+    assert box_reward(one, one) == 1.0
+    assert 0 < box_reward(one, other) <= 1
+    assert box_reward(one, other) == box_reward(other, one)
