@@ -71,16 +71,8 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
     origin, args = typing.get_origin(hint), typing.get_args(hint)
     if origin in (typing.Union, types.UnionType):
         return _optional(args, bounds, value, where)
-    if origin is typing.Literal:
-        if value not in args or isinstance(value, bool) is not isinstance(args[0], bool):
-            raise UsageError(f"{where}: expected one of {', '.join(map(repr, args))}, got {_named(value)}")
-        return value
-    if origin is tuple:
-        return _tuple(args, value, where)
-    if origin is dict:
-        if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
-            raise UsageError(f"{where}: expected a mapping with text keys, got {_named(value)}")
-        return {key: _convert(args[1], item, f"{where}.{key}") for key, item in value.items()}
+    if origin in _GENERIC:
+        return _GENERIC[origin](args, value, where)
     if dataclasses.is_dataclass(hint) and isinstance(hint, type):
         return parse(hint, value, where=where)
     return _scalar(hint, bounds, value, where)
@@ -105,6 +97,19 @@ def _tuple(args: tuple[Any, ...], value: Any, where: str) -> tuple[Any, ...]:
     )
 
 
+def _dict(args: tuple[Any, ...], value: Any, where: str) -> dict[str, Any]:
+    if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
+        raise UsageError(f"{where}: expected a mapping with text keys, got {_named(value)}")
+    return {key: _convert(args[1], item, f"{where}.{key}") for key, item in value.items()}
+
+
+def _literal(args: tuple[Any, ...], value: Any, where: str) -> Any:
+    if value not in args or isinstance(value, bool) is not isinstance(args[0], bool):
+        raise UsageError(f"{where}: expected one of {', '.join(map(repr, args))}, got {_named(value)}")
+    return value
+
+
+_GENERIC = {tuple: _tuple, dict: _dict, typing.Literal: _literal}
 _KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}
 
 
