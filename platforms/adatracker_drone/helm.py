@@ -64,7 +64,7 @@ class Helm:
             PlatformError: consent has gone.
         """
         with self._lock:
-            self._require_consent()
+            self.require_consent()
             self.in_charge = True
 
     def expect(self, vehicle: Vehicle, *modes: str) -> None:
@@ -87,7 +87,7 @@ class Helm:
             PlatformError: consent has gone.
         """
         with self._lock:
-            self._require_consent()
+            self.require_consent()
             self._transmit(vehicle, ZERO, self._clock.now_ns())
 
     def hold_altitude(self, vehicle: Vehicle) -> None:
@@ -105,7 +105,7 @@ class Helm:
         """
         with self._lock:
             self.expect(vehicle, "OFFBOARD")
-            self._require_consent()
+            self.require_consent()
             self.engaged = True
 
     def steer(self, vehicle: Vehicle, command: Twist, now_ns: int) -> Twist:
@@ -127,7 +127,8 @@ class Helm:
         """Return the height above where the drone took off."""
         return 0.0 if heard.position_ned_m is None else self.ground_down_m - heard.position_ned_m[2]
 
-    def _require_consent(self) -> None:
+    def require_consent(self) -> None:
+        """Do nothing, or raise PlatformError when consent has gone."""
         if not self._consent:
             raise PlatformError(f"engaging was stopped: {self.stopped or 'disengage or close was asked for'}")
 

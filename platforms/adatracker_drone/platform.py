@@ -114,17 +114,12 @@ class DronePlatform(Platform):
             proven_ns = self._deadline_ns(_PROOF_OF_LIFE_S)
             try:
                 if vehicle.heard.landed is False:
-                    self._demand(
-                        vehicle,
-                        lambda heard: heard.mode == "HOLD",
-                        _SWITCH_TIMEOUT_S,
-                        "the drone is in the air and not in HOLD: switch it to Hold, or land it, first",
-                    )
+                    self._find_holding(vehicle)
                 else:
                     self._climb(vehicle)
                 self._enter_offboard(vehicle, proven_ns)
-            except PlatformError:
-                self._helm.withdraw()
+            except PlatformError as error:
+                self._helm.withdraw(reason=str(error))
                 raise
 
     def send(self, command: Twist, now_ns: int) -> Twist:
@@ -219,6 +214,13 @@ class DronePlatform(Platform):
         from adatracker_drone.sitl import DroneSitl
 
         return DroneSitl(profile)
+
+    def _find_holding(self, vehicle: Vehicle) -> None:
+        """Make sure that a flying drone hovers; silently: set-points would revive a lost OFFBOARD."""
+        if not self._wait(
+            vehicle, lambda heard: heard.mode == "HOLD", _SWITCH_TIMEOUT_S, self._helm.require_consent
+        ):
+            raise PlatformError("the drone flies and is not in HOLD: switch it to Hold, or land it, first")
 
     def _climb(self, vehicle: Vehicle) -> None:
         """Arm and take off; return when the autopilot has ended its take-off by going to HOLD."""

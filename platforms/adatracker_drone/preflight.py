@@ -60,24 +60,26 @@ class Parameters:
 def failsafe_checks(parameters: Parameters) -> tuple[Check, ...]:
     """Judge what PX4 does by itself once set-points stop: the stop of last resort of everything above it."""
     loss_s, action = parameters.COM_OF_LOSS_T, parameters.COM_OBL_RC_ACT
-    named = "unknown" if action is None else f"{action:g} ({LOSS_ACTIONS.get(int(action), 'unknown')})"
+    named = "unknown" if action is None else LOSS_ACTIONS.get(int(action), f"unknown ({action:g})")
     sticks = int(parameters.COM_RC_OVERRIDE or 0)
     return (
         Check(
             "loss time",
             loss_s is not None and 0 < loss_s <= LONGEST_LOSS_S,
-            f"COM_OF_LOSS_T is {_seconds(loss_s)}; it must be at most {LONGEST_LOSS_S:g} s, "
-            "so that the drone stops soon after set-points do",
+            f"set-points are lost after {_seconds(loss_s)} (COM_OF_LOSS_T, at most {LONGEST_LOSS_S:g} s)",
         ),
         Check(
             "loss action",
             action in SAFE_LOSS_ACTIONS,
-            f"COM_OBL_RC_ACT is {named}; 4 (land) or 5 (hold) stop the drone when set-points do",
+            f"when they are lost: {named}"
+            + ("" if action in SAFE_LOSS_ACTIONS else "; set COM_OBL_RC_ACT to 4 (land) or 5 (hold)"),
         ),
         Check(
             "pilot override",
             bool(sticks & _OVERRIDE_IN_OFFBOARD),
-            f"COM_RC_OVERRIDE is {sticks}; with 3 the pilot's sticks end OFFBOARD at once",
+            "the pilot's sticks end offboard"
+            if sticks & _OVERRIDE_IN_OFFBOARD
+            else "the pilot's sticks do not end offboard, only the switch does; set COM_RC_OVERRIDE to 3",
             blocking=False,
         ),
     )
@@ -123,7 +125,7 @@ def health_checks(
         Check(
             "battery",
             (battery or 0.0) >= min_battery,
-            f"{_percent(battery)} left; {_percent(min_battery)} are needed to take off",
+            f"{_percent(battery)} left, {_percent(min_battery)} needed to take off",
         ),
     )
 
@@ -133,4 +135,4 @@ def _seconds(value: float | None) -> str:
 
 
 def _percent(value: float | None) -> str:
-    return "an unknown charge is" if value is None else f"{value:.0%}"
+    return "an unknown charge" if value is None else f"{value:.0%}"

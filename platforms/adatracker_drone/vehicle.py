@@ -42,6 +42,7 @@ _AUTOPILOT_COMPONENT = 1
 """MAV_COMP_ID_AUTOPILOT1."""
 _ACCEPTED = 0
 """MAV_RESULT_ACCEPTED."""
+_NO_ANSWER = ("TIMEOUT", "NO_SYSTEM", "CONNECTION_ERROR")
 _HEALTH = {
     "is_gyrometer_calibration_ok": "gyroscope",
     "is_accelerometer_calibration_ok": "accelerometer",
@@ -244,6 +245,11 @@ class Vehicle:
             yield
         except MavsdkError as error:
             result = getattr(getattr(error, "result", None), "name", str(error))
+            if result in _NO_ANSWER:
+                raise PlatformError(
+                    f"no answer from the autopilot when asked to {what} ({result}): its own fail-safe acts; "
+                    "be ready with the remote control"
+                ) from error
             complaint = self.heard.complaint
             why = f"; its last warning: {complaint}" if complaint else ""
             raise PlatformError(f"the autopilot did not {what}: {result}{why}") from error
