@@ -1,0 +1,223 @@
+"""The networks: AdaTracker's context encoder and policy, and the published Offline-EVT policy.
+
+AdaTracker is as its paper describes it: ``z_t = f_psi(H_t)`` over the past K mask-action pairs, and a
+recurrent policy on ``concat(CNN(m_t), z_t)``. What the paper leaves open is said where it is chosen. Masks are
+float32 (..., C, S, S), drawn and scaled as the bundle's manifest says; actions are float32 in [-1, 1]; B is the
+batch, T and K are lengths in time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from adatracker_deploy.schema import Range
+
+LstmState = tuple[Tensor, Tensor]
+"""(h, c) of a one-layer LSTM, each (1, B, H); zeros begin an episode."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AdaTrackerConfig:
+    """The sizes of AdaTracker's networks; the paper gives none, so each default has its reason.
+
+    A mask has three channels, one for the target, other people and obstacles each: drawn as grey levels, the
+    resized edge of one class passes through the value of another.
+    """
+
+    channels: Annotated[int, Range(1, 3)] = 3
+    size: Annotated[int, Range(16, 256)] = 64
+    """Side of the square mask, pixels, a multiple of 16; 64 as in the published Offline-EVT policy."""
+    actions: Annotated[int, Range(1, 4)] = 2
+    history: Annotated[int, Range(1, 256)] = 16
+    """K: 1.6 s at 10 Hz, several times the lag of a robot's base (0.1 to 0.4 s)."""
+    features: Annotated[int, Range(1, 4096)] = 96
+    """Of one mask, out of a backbone."""
+    context: Annotated[int, Range(1, 1024)] = 16
+    """Size of z: a body is a handful of numbers (height, pitch, field of view, limits, lag, delay)."""
+    encoder_hidden: Annotated[int, Range(1, 4096)] = 64
+    hidden: Annotated[int, Range(1, 4096)] = 64
+    """H of the policy's LSTM; 64 as in the published Offline-EVT policy."""
+    actor: Annotated[int, Range(1, 4096)] = 128
+    """Width of the actor's hidden layer."""
+
+
+class Backbone(nn.Module):
+    """The convolutions over one mask: (N, C, S, S) -> (N, features).
+
+    The first layer reads 4x4 patches without overlap: a mask is flat almost everywhere, and at full resolution
+    a 3x3 layer of this width alone would cost more than all of these layers together (1.8 million
+    multiply-adds at the default sizes).
+    """
+
+    def __init__(self, config: AdaTrackerConfig) -> None:
+        super().__init__()
+        self.patches = nn.Conv2d(config.channels, 32, 4, stride=4)
+        self.conv1 = nn.Conv2d(32, 48, 3, stride=2, padding=1)
+        self.conv2 = nn.Conv2d(48, 64, 3, stride=2, padding=1)
+        self.project = nn.Linear(64 * (config.size // 16) ** 2, config.features)
+
+    def forward(self, mask: Tensor) -> Tensor:
+        """Return the features, non-negative."""
+        x = functional.relu(self.patches(mask))
+        x = functional.relu(self.conv1(x))
+        x = functional.relu(self.conv2(x))
+        return functional.relu(self.project(x.flatten(1)))
+
+
+class ContextEncoder(nn.Module):
+    """``f_psi``: K mask-action pairs -> z, "a convolutional backbone and a single-layer LSTM".
+
+    Open in the paper: where the action enters (beside the mask's features, at each step of the LSTM), the
+    LSTM's initial state (zero) and how its last output becomes z (one linear layer, then tanh, so that z stays
+    in [-1, 1] on bodies never seen). The backbone is not shared with the policy's: each graph of a bundle
+    stands alone, and the two look for different things.
+    """
+
+    def __init__(self, config: AdaTrackerConfig) -> None:
+        super().__init__()
+        self.config = config
+        self.backbone = Backbone(config)
+        self.lstm = nn.LSTM(config.features + config.actions, config.encoder_hidden, batch_first=True)
+        self.to_context = nn.Linear(config.encoder_hidden, config.context)
+
+    def pairs(self, masks: Tensor, actions: Tensor) -> Tensor:
+        """Return what the LSTM reads of each pair.
+
+        Args:
+            masks: (B, T, C, S, S).
+            actions: (B, T, A), taken at those masks.
+
+        Returns:
+            (B, T, F), F = features + A.
+        """
+        features = self.backbone(masks.flatten(0, 1)).unflatten(0, masks.shape[:2])
+        return torch.cat((features, actions), dim=-1)
+
+    def summarise(self, pairs: Tensor) -> Tensor:
+        """Return z, (B, Z), of pairs (B, K, F), oldest first."""
+        _, (last, _) = self.lstm(pairs)
+        return torch.tanh(self.to_context(last[0]))
+
+    def forward(self, masks: Tensor, actions: Tensor) -> Tensor:
+        """Return z, (B, Z) in [-1, 1], of masks (B, K, C, S, S) and actions (B, K, A), oldest pair first."""
+        return self.summarise(self.pairs(masks, actions))
+
+
+class ContextHeads(nn.Module):
+    """``g_phi``: z -> the step's reward and the episode's camera height in m; for training only."""
+
+    def __init__(self, config: AdaTrackerConfig) -> None:
+        super().__init__()
+        self.mlp = nn.Sequential(nn.Linear(config.context, 64), nn.ReLU(), nn.Linear(64, 2))
+
+    def forward(self, z: Tensor) -> tuple[Tensor, Tensor]:
+        """Return (reward, height in m), each (B,), of z (B, Z)."""
+        reward, height = self.mlp(z).unbind(-1)
+        return reward, height
+
+
+class Actor(nn.Module):
+    """A Gaussian over actions before tanh, from the policy's recurrent feature."""
+
+    def __init__(self, features: int, width: int, actions: int) -> None:
+        super().__init__()
+        self.hidden = nn.Linear(features, width)
+        self.mean = nn.Linear(width, actions)
+        self.log_std = nn.Linear(width, actions)
+
+    def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
+        """Return (mean, log_std), each (..., A); log_std in [-5, 2], the range common to SAC."""
+        x = functional.relu(self.hidden(x))
+        return self.mean(x), self.log_std(x).clamp(-5.0, 2.0)
+
+
+class ContextPolicy(nn.Module):
+    """``u_t = concat(CNN(m_t), z_t); x_t, (h_t, c_t) = LSTM(u_t, (h_{t-1}, c_{t-1}))``, and an actor on x_t.
+
+    At deployment the action is tanh of the mean.
+    """
+
+    def __init__(self, config: AdaTrackerConfig) -> None:
+        super().__init__()
+        self.config = config
+        self.backbone = Backbone(config)
+        self.lstm = nn.LSTM(config.features + config.context, config.hidden, batch_first=True)
+        self.actor = Actor(config.hidden, config.actor, config.actions)
+
+    def forward(
+        self, masks: Tensor, z: Tensor, state: LstmState | None = None
+    ) -> tuple[Tensor, Tensor, LstmState]:
+        """Return (mean, log_std, state) over a sequence.
+
+        Args:
+            masks: (B, T, C, S, S).
+            z: (B, T, Z).
+            state: of the step before; zeros if None.
+
+        Returns:
+            mean and log_std, each (B, T, A), before tanh, and the state after the last step.
+        """
+        features = self.backbone(masks.flatten(0, 1)).unflatten(0, masks.shape[:2])
+        x, state = self.lstm(torch.cat((features, z), dim=-1), state)
+        mean, log_std = self.actor(x)
+        return mean, log_std, state
+
+
+class _CnnSimple(nn.Module):
+    """Four times convolution, 2x2 max-pool, ReLU: (N, 3, 64, 64) -> (N, 576)."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.conv1 = nn.Conv2d(3, 32, 5, padding=2)
+        self.conv2 = nn.Conv2d(32, 32, 5, padding=1)
+        self.conv3 = nn.Conv2d(32, 64, 4, padding=1)
+        self.conv4 = nn.Conv2d(64, 64, 3, padding=1)
+
+    def forward(self, x: Tensor) -> Tensor:
+        for conv in (self.conv1, self.conv2, self.conv3, self.conv4):
+            x = functional.relu(functional.max_pool2d(conv(x), 2))
+        return x.flatten(1)
+
+
+class _CnnLstm(nn.Module):
+    def __init__(self) -> None:
+        super().__init__()
+        self.CNN_Simple = _CnnSimple()
+        self.lstm = nn.LSTM(576, 64, batch_first=True)
+
+
+class _EvtActor(nn.Module):
+    def __init__(self) -> None:
+        super().__init__()
+        self.fc1 = nn.Linear(64, 256)
+        self.fc2 = nn.Linear(256, 256)
+        self.mu = nn.Linear(256, 2)
+        self.log_std_linear = nn.Linear(256, 2)
+
+
+class OfflineEvtPolicy(nn.Module):
+    """The published policy of Offline EVT (Zhong et al., ECCV 2024).
+
+    Its modules carry the names of the published state dict; the critics in there are not needed to act. The
+    input is drawn 0 to 255 and not normalised; the action is (yaw, clockwise positive, and forward).
+    """
+
+    CHANNELS, SIZE, HIDDEN, ACTIONS = 3, 64, 64, 2
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.CNN_LSTM = _CnnLstm()
+        self.actor_local = _EvtActor()
+
+    def forward(self, masks: Tensor, state: LstmState | None = None) -> tuple[Tensor, LstmState]:
+        """Return (mean, state): mean (B, T, 2) before tanh, of masks (B, T, 3, 64, 64)."""
+        features = self.CNN_LSTM.CNN_Simple(masks.flatten(0, 1)).unflatten(0, masks.shape[:2])
+        x, state = self.CNN_LSTM.lstm(features, state)
+        x = functional.relu(self.actor_local.fc1(x))
+        x = functional.relu(self.actor_local.fc2(x))
+        return self.actor_local.mu(x), state
