@@ -1,9 +1,9 @@
 """The networks: AdaTracker's context encoder and policy, and the published Offline-EVT policy.
 
 AdaTracker is as its paper describes it: ``z_t = f_psi(H_t)`` over the past K mask-action pairs, and a
-recurrent policy on ``concat(CNN(m_t), z_t)``. What the paper leaves open is said where it is chosen. Masks are
-float32 (..., C, S, S), drawn and scaled as the bundle's manifest says; actions are float32 in [-1, 1]; B is the
-batch, T and K are lengths in time.
+recurrent policy on ``concat(CNN(m_t), z_t)``. What the paper leaves open is said where it is chosen. Masks
+are float32 (..., C, S, S), drawn and scaled as the bundle's manifest says; actions are float32 in [-1, 1];
+B is the batch, T and K are lengths in time.
 """
 
 from __future__ import annotations
@@ -49,8 +49,8 @@ class AdaTrackerConfig:
 class Backbone(nn.Module):
     """The convolutions over one mask: (N, C, S, S) -> (N, features).
 
-    The first layer reads 4x4 patches without overlap: a mask is flat almost everywhere, and at full resolution
-    a 3x3 layer of this width alone would cost more than all of these layers together (1.8 million
+    The first layer reads 4x4 patches without overlap: a mask is flat almost everywhere, and at full
+    resolution one 3x3 layer of this width would cost more than all of these layers together (1.8 million
     multiply-adds at the default sizes).
     """
 
@@ -73,9 +73,9 @@ class ContextEncoder(nn.Module):
     """``f_psi``: K mask-action pairs -> z, "a convolutional backbone and a single-layer LSTM".
 
     Open in the paper: where the action enters (beside the mask's features, at each step of the LSTM), the
-    LSTM's initial state (zero) and how its last output becomes z (one linear layer, then tanh, so that z stays
-    in [-1, 1] on bodies never seen). The backbone is not shared with the policy's: each graph of a bundle
-    stands alone, and the two look for different things.
+    LSTM's initial state (zero) and how its last output becomes z (one linear layer, then tanh, so that z
+    stays in [-1, 1] on bodies never seen). The backbone is not shared with the policy's: each graph of a
+    bundle stands alone, and the two look for different things.
     """
 
     def __init__(self, config: AdaTrackerConfig) -> None:
