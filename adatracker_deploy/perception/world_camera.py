@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from adatracker_deploy.geometry import Pose
-from adatracker_deploy.messages import Frame, Truth
+from adatracker_deploy.messages import Frame
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -96,15 +96,6 @@ class WorldCamera:
         camera = self._mount.pose(robot)
         width, height = self._size
         mask, rgb = self._world.render(camera, math.radians(self._mount.fov_deg), height, width)
-        x, y = self._world.target_xy
         self._seq += 1
-        truth = Truth(
-            mask=mask,
-            robot=robot,
-            camera=camera,
-            target_xy=(x, y),
-            distance_m=robot.distance_to(x, y),
-            bearing_rad=robot.bearing_to(x, y),
-            collided=self._world.collides(robot.x, robot.y, robot.z, BODY_RADIUS_M),
-        )
+        truth = self._world.truth(mask, robot, camera, BODY_RADIUS_M)
         return Frame(rgb, now_ns, self._seq, truth)
