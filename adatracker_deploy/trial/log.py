@@ -146,12 +146,14 @@ class TrialLog:
         """Hand over one tick, and the frame with its mask unless an earlier tick had the same."""
         try:
             self._hear()
-            picture = None if frame.seq == self._last_seq else self._put(frame, observation)
-            self._last_seq = frame.seq
+            picture = None
+            if frame.seq != self._last_seq:
+                self._last_seq = frame.seq
+                picture = self._put(frame, observation)
             message = Step(self._wall_ns(record.t_ns), self._wall_ns(frame.t_ns), record, picture)
             if not self._hand_over(message) and picture is not None:
                 self._free.append(picture.slot)
-                self._last_seq = None
+                self.frames_dropped += 1
         except Exception as error:  # nothing that goes wrong with writing down may stop a robot's control
             self._trouble = self._trouble or f"a tick could not be logged: {error}"
             self.dropped += 1
@@ -182,8 +184,8 @@ class TrialLog:
         try:
             if summary is not None:
                 text = json.dumps(summary, indent=2, allow_nan=False)
-                self._post.send(End(text), CLOSE_TIMEOUT_S)
                 _write_file(self.folder / SUMMARY_NAME, text + "\n")
+                self._post.send(End(text), CLOSE_TIMEOUT_S)
             self._post.finish()
             self._writer.wait(CLOSE_TIMEOUT_S)
         except (OSError, subprocess.TimeoutExpired) as error:
@@ -215,7 +217,14 @@ class TrialLog:
         if not self._free:
             self.frames_dropped += 1
             return None
-        return self._slots.put(self._free.pop(), frame.rgb, observation.mask)
+        slot = self._free.pop()
+        try:
+            return self._slots.put(slot, frame.rgb, observation.mask)
+        except ValueError as error:
+            self._free.append(slot)
+            self.frames_dropped += 1
+            self._trouble = self._trouble or f"a frame could not be logged: {error}"
+            return None
 
     def _hand_over(self, message: Step | LogLine) -> bool:
         try:
@@ -231,13 +240,18 @@ class TrialLog:
 
     def _hear(self) -> None:
         """Take what the writer said."""
-        with contextlib.suppress(OSError, EOFError):  # nothing more, or the writer has gone
+        try:
             while True:
                 match self._post.receive(timeout_s=0.0):
                     case Free(slot):
                         self._free.append(slot)
                     case Trouble(message):
                         self._trouble = self._trouble or message
+        except OSError:
+            return  # nothing more
+        except EOFError:
+            if not self._closed:
+                self._trouble = self._trouble or "the log's writer has gone"
 
     def _wall_ns(self, t_ns: int) -> int:
         return max(0, t_ns + self._wall_minus_run_ns)

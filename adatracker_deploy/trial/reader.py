@@ -73,17 +73,19 @@ class Trial:
     """The file has its end; a truncated one was read up to its last whole record."""
 
     def frames(self, wanted: Container[int] | None = None) -> Iterator[LoggedFrame]:
-        """Read the frames whose sequence number is wanted (by default all), in order, one at a time."""
+        """Read the frames whose sequence number is wanted (by default all), in order, one at a time.
+
+        A damaged frame is left out.
+        """
         jpeg = b""
         for topic, record in _records(self.path):
             if topic not in ("/camera", "/mask") or (wanted is not None and record.sequence not in wanted):
                 continue
-            image = CompressedImage.FromString(record.data).data
             if topic == "/camera":  # its mask is the next record
-                jpeg = image
-            else:
-                bgr = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
-                yield LoggedFrame(record.sequence, cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), decode_mask(image))
+                jpeg = record.data
+                continue
+            with contextlib.suppress(DecodeError, ValueError, cv2.error):
+                yield _frame(record.sequence, jpeg, record.data)
 
 
 def read_trial(path: Path) -> Trial:
@@ -167,6 +169,13 @@ def _records(path: Path) -> Iterator[tuple[str, Any]]:
                 yield topics.get(record.channel_id, "") if isinstance(record, Message) else "", record
     except (OSError, McapError) as error:
         raise UsageError(f"{path}: cannot be read ({_one_line(error)})") from error
+
+
+def _frame(seq: int, camera: bytes, mask: bytes) -> LoggedFrame:
+    """Decode a frame from its two messages."""
+    jpeg = np.frombuffer(CompressedImage.FromString(camera).data, np.uint8)
+    rgb = cv2.cvtColor(cv2.imdecode(jpeg, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
+    return LoggedFrame(seq, rgb, decode_mask(CompressedImage.FromString(mask).data))
 
 
 def _until_truncated(stream: IO[bytes]) -> Iterator[McapRecord]:

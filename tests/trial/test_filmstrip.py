@@ -1,0 +1,56 @@
+"""A trial as one picture."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from adatracker_deploy.cli import main
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.trial.filmstrip import GREEN, LOST, film_strip
+from adatracker_deploy.trial.reader import read_trial
+from tests.trial.records import a_log, a_step, a_trial
+
+
+def shows(picture, colour):
+    return bool((picture == colour).all(axis=-1).any())
+
+
+def test_a_strip_shows_the_box_while_the_target_is_seen_and_shades_where_it_is_lost(tmp_path):
+    seen = film_strip(read_trial(a_trial(tmp_path, [a_step(step) for step in range(10)])))
+    lost = film_strip(read_trial(a_trial(tmp_path, [a_step(step, box=None) for step in range(10)])))
+    assert (shows(seen, GREEN), shows(seen, LOST)) == (True, False)
+    assert (shows(lost, GREEN), shows(lost, LOST)) == (False, True)
+
+
+def test_more_frames_make_a_longer_strip_but_no_more_than_there_are(tmp_path):
+    trial = read_trial(a_trial(tmp_path, [a_step(step) for step in range(5)]))
+    widths = [film_strip(trial, frames).shape[1] for frames in (2, 5, 9)]
+    assert widths[0] < widths[1] == widths[2]
+
+
+def test_a_trial_of_a_single_tick_without_truth_can_be_drawn(tmp_path):
+    trial = read_trial(a_trial(tmp_path, [a_step(0, distance_m=None, bearing_rad=None)]))
+    assert film_strip(trial).dtype == np.uint8
+
+
+def test_a_log_without_frames_is_refused(tmp_path):
+    with a_log(tmp_path) as log:
+        pass
+    with pytest.raises(UsageError, match="no camera frames"):
+        film_strip(read_trial(log.folder))
+
+
+def test_the_command_writes_a_png(tmp_path, capsys):
+    folder = a_trial(tmp_path, [a_step(step) for step in range(5)])
+    assert main(["filmstrip", str(folder), "--out", str(tmp_path / "strip.png")]) == 0
+    assert cv2.imread(str(tmp_path / "strip.png")).shape[2] == 3
+    assert capsys.readouterr().out == f"{tmp_path / 'strip.png'}\n"
+
+
+@pytest.mark.parametrize("wrong", [["--frames", "0"], ["--out", "nowhere/strip.png"]])
+def test_a_wrong_request_exits_with_2(tmp_path, capsys, wrong):
+    folder = a_trial(tmp_path, [a_step(0)])
+    assert main(["filmstrip", str(folder), *wrong]) == 2
+    assert wrong[0] in capsys.readouterr().err

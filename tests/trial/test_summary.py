@@ -1,0 +1,85 @@
+"""What a trial and a set of trials came to."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from adatracker_deploy.trial.record import Latency
+from adatracker_deploy.trial.summary import summarise, summarise_set, summary_table
+from tests.trial.records import TICK_NS, a_step
+
+CONTRACT = {
+    "platform", "policy", "outcome", "mr", "mr_visible", "visibility", "el", "ar", "steps", "rate_hz",
+    "latency_ms", "missed_deadlines", "stop_s", "reason", "trial",
+}  # fmt: skip
+
+
+def a_summary(records=None, outcome="completed", steps=10, **changes):
+    records = [a_step(step) for step in range(11)] if records is None else records
+    about = {"platform": "drone", "policy": "pid", "reason": "", "stop_s": 0.5, "trial": Path("trials/one")}
+    return summarise(records, outcome=outcome, steps=steps, **(about | changes))
+
+
+def drawn(summaries):
+    console = Console(file=io.StringIO(), width=80)
+    console.print(summary_table(summaries))
+    return console.file.getvalue()
+
+
+def test_a_trial_has_every_key_of_the_contract():
+    assert set(a_summary()) >= CONTRACT
+
+
+def test_a_run_that_ended_before_its_first_tick_has_them_too():
+    summary = a_summary(records=[], outcome="system_fault")
+    assert set(summary) >= CONTRACT
+    assert (summary["mr"], summary["el"], summary["rate_hz"], summary["latency_ms"]["p99"]) == (
+        0.0,
+        0,
+        None,
+        None,
+    )
+
+
+def test_the_rate_is_that_of_the_runs_clock():
+    assert a_summary()["rate_hz"] == pytest.approx(1e9 / TICK_NS)
+
+
+def test_latency_is_from_sensor_to_command():
+    def took(ms):
+        return Latency(observation_age_ms=0, infer_ms=0, sensor_to_command_ms=ms, lateness_ms=0)
+
+    records = [a_step(step, latency=took(10 + step)) for step in range(101)]
+    latency = a_summary(records)["latency_ms"]
+    assert (latency["p50"], latency["p99"], latency["max"]) == pytest.approx((60, 109, 110))
+
+
+def test_mean_and_std_over_trials_are_the_papers():
+    short = a_summary([a_step(step) for step in range(7)], outcome="lost")
+    together = summarise_set([a_summary(), short])
+    assert together["trials"] == [a_summary(), short]
+    assert together["mean"]["el"] == 8.0
+    assert together["std"]["el"] == pytest.approx(8**0.5)  # of a sample: ((10 - 8)^2 + (6 - 8)^2) / (2 - 1)
+    assert together["mean"]["sr"] == 0.5
+
+
+def test_ar_is_averaged_only_when_every_trial_knows_it():
+    blind = a_summary([a_step(step, distance_m=None, bearing_rad=None) for step in range(11)])
+    assert "ar" in summarise_set([a_summary()])["mean"]
+    assert "ar" not in summarise_set([a_summary(), blind])["mean"]
+
+
+def test_the_table_has_the_papers_row():
+    short = a_summary([a_step(step) for step in range(7)], outcome="lost")
+    (row,) = [line for line in drawn([a_summary(), short]).splitlines() if line.split()[:1] == ["drone"]]
+    assert row.split() == ["drone", "pid", "2", "1.00", "±", "0.00", "8", "±", "3", "0.50"]
+
+
+def test_the_table_fits_a_terminal_and_hides_nothing():
+    text = drawn([a_summary(trial=Path("trials/20260102-030405-006_drone_sitl"))])
+    assert "…" not in text
+    assert "20260102-030405-006_drone_sitl" in text
