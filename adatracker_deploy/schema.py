@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import math
+import reprlib
 import types
 import typing
 from collections.abc import Mapping
@@ -31,8 +32,8 @@ def parse(cls: type[T], value: Any, *, where: str) -> T:
     """Build `cls` from a mapping as ``yaml.safe_load`` gives it.
 
     Args:
-        cls: a dataclass; fields may be bool, int, float, str, Literal, optionals, tuples, str-keyed dicts,
-            nested dataclasses, and Annotated numbers.
+        cls: a dataclass; fields may be bool, int, float, str, Literal, unions (the first kind that fits is
+            taken), optionals, tuples, str-keyed dicts, nested dataclasses, and Annotated numbers.
         value: the mapping.
         where: how errors name the place, for example the file's path.
 
@@ -58,7 +59,8 @@ def parse(cls: type[T], value: Any, *, where: str) -> T:
 
 
 def _named(value: Any) -> str:
-    return "nothing" if value is None else f"{type(value).__name__} {value!r}"
+    """Name a value's kind and, cut short, the value: a YAML alias can stand for a million parts."""
+    return "nothing" if value is None else f"{type(value).__name__} {reprlib.repr(value)}"
 
 
 def _convert(hint: Any, value: Any, where: str) -> Any:
@@ -70,7 +72,7 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
         return value
     origin, args = typing.get_origin(hint), typing.get_args(hint)
     if origin in (typing.Union, types.UnionType):
-        return _optional(args, bounds, value, where)
+        return _union(args, bounds, value, where)
     if origin in _GENERIC:
         return _GENERIC[origin](args, value, where)
     if dataclasses.is_dataclass(hint) and isinstance(hint, type):
@@ -78,11 +80,16 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
     return _scalar(hint, bounds, value, where)
 
 
-def _optional(args: tuple[Any, ...], bounds: tuple[Range, ...], value: Any, where: str) -> Any:
+def _union(args: tuple[Any, ...], bounds: tuple[Range, ...], value: Any, where: str) -> Any:
     if value is None and type(None) in args:
         return None
-    (inner,) = [arg for arg in args if arg is not type(None)]
-    return _convert(typing.Annotated[inner, *bounds] if bounds else inner, value, where)
+    reasons = []
+    for inner in (arg for arg in args if arg is not type(None)):
+        try:
+            return _convert(typing.Annotated[inner, *bounds] if bounds else inner, value, where)
+        except UsageError as error:
+            reasons.append(str(error).removeprefix(f"{where}: "))
+    raise UsageError(f"{where}: {'; or '.join(reasons)}")
 
 
 def _tuple(args: tuple[Any, ...], value: Any, where: str) -> tuple[Any, ...]:

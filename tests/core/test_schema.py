@@ -30,6 +30,7 @@ class Settings:
     pair: tuple[int, int] = (0, 0)
     limit: Annotated[float, Range(0, 10)] | None = None
     extra: dict[str, int] | None = None
+    colour: Literal["random"] | tuple[int, ...] = "random"
 
 
 def test_a_whole_mapping_becomes_the_dataclass():
@@ -42,11 +43,18 @@ def test_a_whole_mapping_becomes_the_dataclass():
             "pair": [1, 2],
             "limit": 3,
             "extra": {"k": 1},
+            "colour": [1, 2, 3],
         },
         where="f",
     )
     assert made == Settings(
-        name="a", inner=Inner(1.0), points=(1.0, 2.5), pair=(1, 2), limit=3.0, extra={"k": 1}
+        name="a",
+        inner=Inner(1.0),
+        points=(1.0, 2.5),
+        pair=(1, 2),
+        limit=3.0,
+        extra={"k": 1},
+        colour=(1, 2, 3),
     )
 
 
@@ -68,6 +76,8 @@ def test_a_whole_mapping_becomes_the_dataclass():
         ({"name": "a", "points": ["x"]}, r"f: points\[0\]: expected a number"),
         ({"name": "a", "points": [math.nan]}, "expected a finite number"),
         ({"name": "a", "extra": {1: 2}}, "f: extra: expected a mapping with text keys"),
+        ({"name": "a", "colour": "red"}, "f: colour: expected one of 'random', .*; or expected a list"),
+        ({"name": ["x" * 9] * 10**6}, r"f: name: expected text, got list .{,100}$"),
         ([], "f: expected a mapping, got list"),
         (None, "f: expected a mapping, got nothing"),
     ],
