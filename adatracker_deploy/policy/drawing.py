@@ -1,0 +1,67 @@
+"""How a class mask becomes what a network looks at.
+
+Colours are drawn at `draw_size` and then reduced bilinearly, in 8 bits: the way of the published Offline-EVT
+policy (160 to 64). Reducing straight from the camera's size would shred arms and legs.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from adatracker_deploy.messages import MaskClass
+
+if TYPE_CHECKING:
+    from adatracker_deploy.messages import ClassMask
+    from adatracker_deploy.policy.manifest import Colour, MaskSpec, Palette
+
+
+class MaskPainter:
+    """Paints class masks as one policy wants them, into buffers that it keeps."""
+
+    def __init__(self, spec: MaskSpec, seed: int = 0) -> None:
+        self._spec = spec
+        self._drawn = np.empty((spec.draw_size, spec.draw_size, spec.channels), np.uint8)
+        self._input = np.empty((spec.channels, spec.size, spec.size), np.float32)
+        self.reset(seed)
+
+    def reset(self, seed: int) -> None:
+        """Begin an episode: draw from `seed` the one colour that all `random` entries share."""
+        self._table = colour_table(self._spec.palette, seed)
+
+    def paint(self, mask: ClassMask) -> NDArray[np.float32]:
+        """Return the network's input of shape (C, S, S), overwritten by the next call.
+
+        Args:
+            mask: classes, uint8 of shape (H, W) of any size; its picture is stretched to a square.
+        """
+        spec = self._spec
+        if mask.shape != self._drawn.shape[:2]:
+            mask = cv2.resize(mask, (spec.draw_size, spec.draw_size), interpolation=cv2.INTER_NEAREST)
+        np.take(self._table, mask, axis=0, out=self._drawn, mode="clip")
+        reduced = cv2.resize(self._drawn, (spec.size, spec.size), interpolation=cv2.INTER_LINEAR)
+        planes = reduced.reshape(spec.size, spec.size, spec.channels).transpose(2, 0, 1)
+        return np.multiply(planes, np.float32(spec.scale), out=self._input)
+
+
+def colour_table(palette: Palette, seed: int) -> NDArray[np.uint8]:
+    """Return the colours by `MaskClass`, shape (4, C); `random` ones are drawn from `seed`.
+
+    A random colour is never black, white, the background's or the target's.
+    """
+    rng = np.random.default_rng(seed)
+    channels = len(palette.target)
+    taken = {palette.background, palette.target}
+    drawn: Colour = palette.target
+    while drawn in taken:
+        drawn = tuple(map(int, rng.integers(1, 255, size=channels)))
+    colours: dict[MaskClass, Colour] = {
+        MaskClass.BACKGROUND: palette.background,
+        MaskClass.TARGET: palette.target,
+        MaskClass.PERSON: drawn if palette.person == "random" else palette.person,
+        MaskClass.OBSTACLE: drawn if palette.obstacle == "random" else palette.obstacle,
+    }
+    return np.array([colours[value] for value in sorted(MaskClass)], np.uint8)
