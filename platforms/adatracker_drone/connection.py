@@ -15,6 +15,8 @@ class Connection:
 
     url: str = "udpin://127.0.0.1:14540"
     """As MAVSDK takes it, with numeric addresses."""
+    system_id: Annotated[int, Range(1, 255)] = 1
+    """Of the vehicle to fly (its MAV_SYS_ID); any other on the same link is left alone."""
     takeoff_altitude_m: Annotated[float, Range(1, 30)] = 2.5
     """Above the ground; velocity commands start from there."""
     min_altitude_m: Annotated[float, Range(0.5, 30)] = 1.0

@@ -72,13 +72,16 @@ class DronePlatform(Platform):
                 return
             vehicle = Vehicle(self._connection.url, self.clock, self._helm.on_mode)
             deadline_ns = self._deadline_ns(self._connection.connect_timeout_s)
-            while not vehicle.discover():
-                if self._closing or self.clock.now_ns() > deadline_ns:
+            while not vehicle.discover(self._connection.system_id):
+                now_ns = self.clock.now_ns()
+                if self._closing or now_ns > deadline_ns:
                     vehicle.close()
                     raise PlatformError(
-                        f"no autopilot heard on {self._connection.url} within "
-                        f"{self._connection.connect_timeout_s:g} s: power it, and let it send MAVLink there"
+                        f"no autopilot with system id {self._connection.system_id} heard on "
+                        f"{self._connection.url} within {self._connection.connect_timeout_s:g} s: "
+                        "power it, and let it send MAVLink there"
                     )
+                self.clock.sleep_until(now_ns + _TICK_NS)
             self._vehicle = vehicle
 
     def preflight(self) -> tuple[Check, ...]:

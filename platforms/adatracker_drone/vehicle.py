@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 _log = logging.getLogger(__name__)
 _log.addHandler(logging.NullHandler())
 
-_DISCOVERY_SLICE_S = 0.1
 _STATUS_RATE_HZ = 5.0
 _AUTOPILOT_COMPONENT = 1
 """MAV_COMP_ID_AUTOPILOT1."""
@@ -108,31 +107,13 @@ class Vehicle:
                 f"connection.url {url!r} cannot be opened ({result.name}): check the address and who uses it"
             )
 
-    def discover(self) -> bool:
-        """Wait 0.1 s for the autopilot; return whether it was heard, and from then on listen to it."""
-        system = self._mavsdk.first_autopilot(_DISCOVERY_SLICE_S)
-        if system is None:
-            return False
-        self._autopilot = (system.get_system_id(), _AUTOPILOT_COMPONENT)
-        self._action, self._param = Action(system), Param(system)
-        self._direct, self._telemetry = MavlinkDirect(system), Telemetry(system)
-        self._hear(connected=True)
-        system.subscribe_is_connected(lambda connected, _: self._hear(connected=connected))
-        self._telemetry.subscribe_position_velocity_ned(self._on_position)
-        self._telemetry.subscribe_attitude_euler(self._on_attitude)
-        self._telemetry.subscribe_attitude_angular_velocity_body(self._on_angular_velocity)
-        self._telemetry.subscribe_flight_mode(self._on_flight_mode)
-        self._telemetry.subscribe_armed(
-            lambda armed, _: self._hear(armed=armed, armed_t_ns=self._clock.now_ns())
-        )
-        self._telemetry.subscribe_landed_state(
-            lambda state, _: self._hear(landed=state == LandedState.ON_GROUND)
-        )
-        self._telemetry.subscribe_health(self._on_health)
-        self._telemetry.subscribe_battery(self._on_battery)
-        self._telemetry.subscribe_status_text(self._on_status_text)
-        self._ask_for_rates()
-        return True
+    def discover(self, system_id: int) -> bool:
+        """Return whether this vehicle's autopilot has been heard, and from then on listen to it."""
+        for system in self._mavsdk.get_systems():
+            if system.get_system_id() == system_id and system.has_autopilot():
+                self._listen(system)
+                return True
+        return False
 
     def send_velocity(self, command: Twist, now_ns: int) -> None:
         """Send one set-point, once; does not wait for anything.
@@ -184,6 +165,27 @@ class Vehicle:
     def close(self) -> None:
         """Release the connection; leaves no thread behind."""
         self._mavsdk.destroy()
+
+    def _listen(self, system: Any) -> None:
+        self._autopilot = (system.get_system_id(), _AUTOPILOT_COMPONENT)
+        self._action, self._param = Action(system), Param(system)
+        self._direct, self._telemetry = MavlinkDirect(system), Telemetry(system)
+        self._hear(connected=True)
+        system.subscribe_is_connected(lambda connected, _: self._hear(connected=connected))
+        self._telemetry.subscribe_position_velocity_ned(self._on_position)
+        self._telemetry.subscribe_attitude_euler(self._on_attitude)
+        self._telemetry.subscribe_attitude_angular_velocity_body(self._on_angular_velocity)
+        self._telemetry.subscribe_flight_mode(self._on_flight_mode)
+        self._telemetry.subscribe_armed(
+            lambda armed, _: self._hear(armed=armed, armed_t_ns=self._clock.now_ns())
+        )
+        self._telemetry.subscribe_landed_state(
+            lambda state, _: self._hear(landed=state == LandedState.ON_GROUND)
+        )
+        self._telemetry.subscribe_health(self._on_health)
+        self._telemetry.subscribe_battery(self._on_battery)
+        self._telemetry.subscribe_status_text(self._on_status_text)
+        self._ask_for_rates()
 
     def _ask_for_rates(self) -> None:
         """Hear of a new mode and of landing within 0.2 s; an autopilot that refuses tells them at 1 Hz."""

@@ -1,12 +1,16 @@
 """What the drone's adapter says when there is no drone."""
 
+import contextlib
 import dataclasses
+import random
 import socket
 import threading
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from adatracker_drone.platform import DronePlatform
+from pymavlink.dialects.v20 import common as mavlink
 
 from adatracker_deploy.errors import PlatformError, UsageError
 from adatracker_deploy.profile import load_profile
@@ -43,10 +47,29 @@ def test_a_url_that_mavsdk_would_misread_is_refused():
 
 def test_silence_is_reported_with_the_address_and_what_to_do(free_port):
     platform = drone(f"udpin://127.0.0.1:{free_port}")
-    with pytest.raises(PlatformError, match=f"no autopilot heard on udpin://127.0.0.1:{free_port}.*power it"):
+    with pytest.raises(PlatformError, match=f"no autopilot.*udpin://127.0.0.1:{free_port}.*power it"):
         platform.connect()
     with pytest.raises(PlatformError, match="connect first"):
         platform.preflight()
+
+
+def test_another_vehicle_on_the_same_link_is_left_alone(free_port):
+    platform = drone(f"udpin://127.0.0.1:{free_port}")
+    stranger = mavlink.MAVLink(None, srcSystem=7, srcComponent=1)
+    heartbeat = stranger.heartbeat_encode(mavlink.MAV_TYPE_QUADROTOR, mavlink.MAV_AUTOPILOT_PX4, 0, 0, 4)
+    talking = _talking_to(free_port, lambda _: heartbeat.pack(stranger))
+    with talking, pytest.raises(PlatformError, match="system id 1"):
+        platform.connect()
+
+
+def test_bytes_that_are_no_mavlink_are_no_drone_and_no_harm(free_port):
+    platform = drone(f"udpin://127.0.0.1:{free_port}")
+    chaos = random.Random(1)
+    markers = (b"", b"\xfd", b"\xfe\x09\x00\x01\x01\x00")  # MAVLink 2, MAVLink 1 HEARTBEAT
+    with _talking_to(free_port, lambda n: markers[n % 3] + chaos.randbytes(n % 300)) as sent:
+        with pytest.raises(PlatformError, match="no autopilot"):
+            platform.connect()
+        assert sent[0] > 1000
 
 
 def test_closing_from_another_thread_ends_the_wait_for_an_autopilot(free_port):
@@ -81,6 +104,26 @@ def test_nothing_is_printed_while_nobody_answers(free_port, capfd):
     with pytest.raises(PlatformError):
         drone(f"udpin://127.0.0.1:{free_port}").connect()
     assert capfd.readouterr() == ("", "")
+
+
+@contextlib.contextmanager
+def _talking_to(port: int, packet: Callable[[int], bytes]):
+    """Send packets as fast as the machine allows; give the count so far."""
+    sent, stop = [0], threading.Event()
+
+    def talk() -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
+            while not stop.is_set():
+                out.sendto(packet(sent[0]), ("127.0.0.1", port))
+                sent[0] += 1
+
+    talking = threading.Thread(target=talk)
+    talking.start()
+    try:
+        yield sent
+    finally:
+        stop.set()
+        talking.join()
 
 
 def _is_bound(port: int) -> bool:
