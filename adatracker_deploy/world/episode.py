@@ -1,0 +1,93 @@
+"""A policy through one episode in lock-step: world, body and policy in this process, no wire and no clock."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from adatracker_deploy.messages import Box
+from adatracker_deploy.platform import Body, Limits, Twist
+from adatracker_deploy.policy.base import Policy, to_twist
+from adatracker_deploy.world.task import Outcome, Task, TaskSettings
+from adatracker_deploy.world.world import World
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One step of an episode, after it was made."""
+
+    command: Twist
+    reward: float
+    visible: bool
+    distance_m: float
+    bearing_rad: float
+    box: Box | None
+    collided: bool
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeResult:
+    """A whole episode."""
+
+    outcome: Literal["completed", "lost"]
+    steps: tuple[Step, ...]
+
+    @property
+    def ar(self) -> float:
+        """Accumulated reward: the sum over all steps."""
+        return math.fsum(step.reward for step in self.steps)
+
+    @property
+    def el(self) -> int:
+        """Episode length in steps."""
+        return len(self.steps)
+
+    @property
+    def success(self) -> bool:
+        """The horizon was reached."""
+        return self.outcome == "completed"
+
+    @property
+    def visibility(self) -> float:
+        """Share of the steps in which the target was visible."""
+        return sum(step.visible for step in self.steps) / len(self.steps)
+
+
+def run_episode(
+    world: World, body: Body, policy: Policy, limits: Limits, settings: TaskSettings, *, seed: int
+) -> EpisodeResult:
+    """Run `policy` from the start of a fresh world until the episode ends.
+
+    Args:
+        world: not stepped yet.
+        body: reset here, with `seed`.
+        policy: reset here, with `seed`.
+        limits: turn actions into velocities; nothing else gates them.
+        settings: how the episode is run; its rate should be the policy's, `policy.info.rate_hz`.
+        seed: of what is random in body and policy.
+    """
+    task = Task(world, body, settings)
+    policy.reset(seed)
+    observation = task.begin(seed)
+    steps: list[Step] = []
+    while True:
+        command = to_twist(policy.act(observation).values, policy.info.action, limits)
+        outcome = task.step(command)
+        steps.append(_step(command, outcome))
+        if outcome.end:
+            return EpisodeResult(outcome.end, tuple(steps))
+        observation = outcome.observation
+
+
+def _step(command: Twist, outcome: Outcome) -> Step:
+    truth = outcome.truth
+    return Step(
+        command,
+        outcome.reward,
+        outcome.visible,
+        truth.distance_m,
+        truth.bearing_rad,
+        outcome.observation.box,
+        truth.collided,
+    )

@@ -1,0 +1,115 @@
+"""Where there is room: solids seen from above as rounded rectangles, and the arena's walls."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Points = NDArray[np.float64]
+"""Places seen from above, shape (M, 2), m."""
+
+Clearance = Callable[[Points], NDArray[np.float64]]
+"""Distance from each place to the nearest thing that blocks, shape (M,), m; negative inside it."""
+
+HEADROOM_M = 2.0
+"""A solid that begins higher than this blocks nothing that stands on the ground."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Solid:
+    """An upright prism over a rectangle with rounded corners; a cylinder has zero half-widths."""
+
+    x: float
+    y: float
+    yaw: float = 0.0
+    half_x: float = 0.0
+    half_y: float = 0.0
+    radius: float = 0.0
+    bottom: float = 0.0
+    top: float
+    """Height of the lower and of the upper face in the fixed frame, m."""
+
+
+class FreeSpace:
+    """A walled rectangle around the origin with solids in it; every distance is exact."""
+
+    def __init__(
+        self, half_x_m: float, half_y_m: float, solids: Sequence[Solid], ground_m: float = 0.0
+    ) -> None:
+        """Take the arena's half-widths, what stands in it and the height of its lowest ground."""
+        self._half = np.array([half_x_m, half_y_m])
+        self._all = _Prisms(solids)
+        self._standing = _Prisms([s for s in solids if s.bottom < ground_m + HEADROOM_M])
+
+    def clearance(self, points: Points) -> NDArray[np.float64]:
+        """Return the distance from each place to the nearest wall or standing solid (a `Clearance`)."""
+        walls: NDArray[np.float64] = (self._half - np.abs(points)).min(axis=1)
+        distance, _ = self._standing.distance(points)
+        return np.minimum(walls, distance.min(axis=1, initial=np.inf))
+
+    def push_out(self, x: float, y: float, radius_m: float) -> tuple[float, float]:
+        """Return the nearest place where a disc touches neither wall nor standing solid.
+
+        Solids are left one after the other, the deepest first; in a gap that is too narrow for the disc the
+        place found after four of them is returned.
+        """
+        place = np.array([x, y])
+        limit = np.maximum(self._half - radius_m, 0.0)
+        for _ in range(4):
+            place = place.clip(-limit, limit)
+            distance, away = self._standing.distance(place[None])
+            if distance.size == 0 or (nearest := int(distance[0].argmin())) < 0:
+                break
+            depth = radius_m - distance[0, nearest]
+            if depth <= 0.0:
+                break
+            place = place + depth * away[0, nearest]
+        return float(place[0]), float(place[1])
+
+    def touches(self, x: float, y: float, z: float, radius_m: float) -> bool:
+        """Tell whether a ball at this place touches a wall or a solid, whatever height the solid is at."""
+        place = np.array([[x, y]])
+        if (np.abs(place[0]) > self._half - radius_m).any():
+            return True
+        across, _ = self._all.distance(place)
+        above = np.maximum(np.maximum(self._all.bottom - z, z - self._all.top), 0.0)
+        return bool((np.hypot(np.maximum(across[0], 0.0), above) < radius_m).any())
+
+
+class _Prisms:
+    """Solids as arrays over N of them."""
+
+    def __init__(self, solids: Sequence[Solid]) -> None:
+        self.bottom = np.array([s.bottom for s in solids])
+        self.top = np.array([s.top for s in solids])
+        self._centre = np.array([(s.x, s.y) for s in solids]).reshape(-1, 2)
+        self._half = np.array([(s.half_x, s.half_y) for s in solids]).reshape(-1, 2)
+        self._radius = np.array([s.radius for s in solids])
+        yaw = np.array([s.yaw for s in solids])
+        self._cos, self._sin = np.cos(yaw), np.sin(yaw)
+
+    def distance(self, points: Points) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return signed distances (M, N) and the unit directions (M, N, 2) that lead out.
+
+        The signed distance of a rounded box: https://iquilezles.org/articles/distfunctions2d.
+        """
+        offset = points[:, None, :] - self._centre
+        x = self._cos * offset[..., 0] + self._sin * offset[..., 1]
+        y = self._cos * offset[..., 1] - self._sin * offset[..., 0]
+        over_x, over_y = np.abs(x) - self._half[:, 0], np.abs(y) - self._half[:, 1]
+        out_x, out_y = np.maximum(over_x, 0.0), np.maximum(over_y, 0.0)
+        outside = np.hypot(out_x, out_y)
+        distance = outside + np.minimum(np.maximum(over_x, over_y), 0.0) - self._radius
+        # Inside the rectangle the way out leads through the nearest side; elsewhere straight from its edge.
+        inside = outside == 0.0
+        by_x = over_x > over_y
+        scale = np.where(inside, 1.0, outside)
+        local_x = np.copysign(np.where(inside, by_x, out_x / scale), x)
+        local_y = np.copysign(np.where(inside, ~by_x, out_y / scale), y)
+        away = np.stack(
+            [self._cos * local_x - self._sin * local_y, self._sin * local_x + self._cos * local_y], axis=-1
+        )
+        return distance, away

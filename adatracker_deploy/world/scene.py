@@ -1,0 +1,117 @@
+"""What a scene is made of: things of simple parts, ground, walls, sky, and the lap an S-path follows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+from adatracker_deploy.world.footprint import FreeSpace, Solid
+from adatracker_deploy.world.terrain import FLAT, Terrain
+
+Rgb = tuple[float, float, float]
+"""Red, green and blue reflectance, 0 to 1."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Part:
+    """One upright primitive of a thing, placed in the thing's frame (x forward, base on the ground)."""
+
+    shape: Literal["box", "cylinder", "ellipsoid"]
+    half: tuple[float, float, float]
+    """Half-widths along x, y and z, m; a cylinder is round with radius `half[0]`."""
+    at: tuple[float, float, float]
+    """Its centre."""
+    rgb: Rgb
+    windows: bool = False
+    """Paint rows of windows on its sides."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Thing:
+    """A solid object on the ground; one body in the simulator."""
+
+    x: float
+    y: float
+    yaw: float = 0.0
+    parts: tuple[Part, ...]
+
+    def solids(self, base_m: float) -> Iterator[Solid]:
+        """Yield what its parts block, its base being at height `base_m`."""
+        cos, sin = math.cos(self.yaw), math.sin(self.yaw)
+        for part in self.parts:
+            across, along, tall = part.half
+            px, py, pz = part.at
+            box = part.shape == "box"
+            yield Solid(
+                x=self.x + cos * px - sin * py,
+                y=self.y + sin * px + cos * py,
+                yaw=self.yaw,
+                half_x=across if box else 0.0,
+                half_y=along if box else 0.0,
+                radius=0.0 if box else max(across, along),
+                bottom=base_m + pz - tall,
+                top=base_m + pz + tall,
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ground:
+    """The floor's paint: two colours in squares or stripes."""
+
+    rgb: Rgb
+    other_rgb: Rgb
+    pattern: Literal["checker", "lanes", "speckle"] = "checker"
+    period_m: float = 1.0
+    """Side of a square, distance between lane lines, or size of a speckle."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lap:
+    """A closed S-shaped course: a stadium (two straights, two half circles) with a sine added across it."""
+
+    straight_m: float
+    """Length of each straight, along x; 0 makes a circle."""
+    radius_m: float
+    weave_m: float = 1.0
+    """Amplitude of the sine."""
+    waves: int
+    """How many whole S a lap has."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scene:
+    """One place to follow somebody in. The arena is a rectangle around the origin that nobody leaves."""
+
+    name: str
+    half_x_m: float
+    half_y_m: float
+    lap: Lap
+    ground: Ground
+    things: tuple[Thing, ...]
+    """Obstacles in the arena."""
+    surroundings: tuple[Thing, ...] = ()
+    """What stands along or beyond the arena's edge, there also in an episode without obstacles."""
+    terrain: Terrain = FLAT
+    wall_height_m: float = 0.0
+    """0 where the arena's edge is not to be seen."""
+    wall_rgb: Rgb = (0.75, 0.73, 0.68)
+    sky_rgb: Rgb = (0.36, 0.55, 0.85)
+    haze_rgb: Rgb = (0.80, 0.86, 0.92)
+    margin_m: float = 2.5
+    """How far people keep from the arena's edge."""
+
+    def everything(self, *, obstacles: bool) -> tuple[Thing, ...]:
+        """Return what stands in and around the arena."""
+        return (self.things if obstacles else ()) + self.surroundings
+
+    def free_space(self, *, obstacles: bool, inset_m: float = 0.0) -> FreeSpace:
+        """Return the room that is left, in an arena made `inset_m` smaller on each side."""
+        solids = [
+            solid
+            for thing in self.everything(obstacles=obstacles)
+            for solid in thing.solids(self.terrain.height(thing.x, thing.y))
+        ]
+        half_x, half_y = self.half_x_m - inset_m, self.half_y_m - inset_m
+        return FreeSpace(half_x, half_y, solids, self.terrain.lowest_m)

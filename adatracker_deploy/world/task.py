@@ -1,0 +1,95 @@
+"""The paper's task as an environment: one world, one body, and the rules of an episode."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from adatracker_deploy.messages import Box, Observation, Truth
+from adatracker_deploy.platform import Body, Twist
+from adatracker_deploy.trial.metrics import MAX_LOST_STEPS, step_reward, target_visible
+from adatracker_deploy.world.bodies import GroundBody
+from adatracker_deploy.world.world import World
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TaskSettings:
+    """How an episode is run; the defaults are the paper's, at the rate of its networks."""
+
+    rate_hz: float = 10.0
+    steps: int = 500
+    """The horizon."""
+    mask_size: tuple[int, int] = (64, 64)
+    """Height and width, px."""
+    fov_rad: float = 1.5707963267948966
+    """Horizontal field of view."""
+    substeps: int = 1
+    """Steps of the body's dynamics in one step of the task."""
+    body_radius_m: float = 0.3
+    """For collisions, and for keeping a ground body out of obstacles."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What one step led to."""
+
+    observation: Observation
+    """What is to be seen after the step."""
+    truth: Truth
+    reward: float
+    visible: bool
+    """Within 90 degrees and 7.5 m, and in the mask."""
+    end: Literal["", "completed", "lost"]
+    """Why the episode ended; empty while it goes on."""
+
+
+class Task:
+    """One episode: `begin`, then `step` until it ends.
+
+    After each of its sub-steps a `GroundBody` is kept on the ground and out of obstacles, by its `place`; any
+    other body is free to fly. Obstacles and people that are touched are told by `Truth.collided`.
+    """
+
+    def __init__(self, world: World, body: Body, settings: TaskSettings) -> None:
+        """Take a world that nobody has stepped yet."""
+        self.world = world
+        self.body = body
+        self.settings = settings
+        self._count = 0
+        self._lost = 0
+
+    def begin(self, seed: int) -> Observation:
+        """Put the body at the world's start and return the first observation."""
+        self.body.reset(self.world.start, seed)
+        self._count = self._lost = 0
+        return self._look()[0]
+
+    def step(self, command: Twist) -> Outcome:
+        """Let the body follow `command` (m/s, rad/s) for one period, then everybody walk, then look."""
+        period_s = 1.0 / self.settings.rate_hz
+        for _ in range(self.settings.substeps):
+            self.body.step(command, period_s / self.settings.substeps)
+            if isinstance(self.body, GroundBody):
+                self.body.place(self.world.grounded(self.body.pose, self.settings.body_radius_m))
+        self.world.step(period_s, self.body.pose)
+        self._count += 1
+        observation, truth = self._look()
+        visible = target_visible(truth.distance_m, truth.bearing_rad, observation.box is not None)
+        self._lost = 0 if visible else self._lost + 1
+        return Outcome(
+            observation, truth, step_reward(truth.distance_m, truth.bearing_rad), visible, self._end()
+        )
+
+    def _look(self) -> tuple[Observation, Truth]:
+        height, width = self.settings.mask_size
+        camera = self.body.camera_pose
+        mask = self.world.render_mask(camera, self.settings.fov_rad, height, width)
+        box = Box.of_mask(mask)
+        t_ns = round(self._count * 1e9 / self.settings.rate_hz)
+        observation = Observation(mask, box, 1.0 if box else 0.0, t_ns, self._count)
+        return observation, self.world.truth(mask, self.body.pose, camera, self.settings.body_radius_m)
+
+    def _end(self) -> Literal["", "completed", "lost"]:
+        if self._lost >= MAX_LOST_STEPS:
+            return "lost"
+        return "completed" if self._count >= self.settings.steps else ""

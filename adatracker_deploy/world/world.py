@@ -1,0 +1,210 @@
+"""The world: one scene, the people in it, and what a camera, a robot or a referee may ask of it."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+from typing import get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.geometry import Pose
+from adatracker_deploy.messages import ClassMask, Truth
+from adatracker_deploy.trial.metrics import DESIRED_DISTANCE_M
+from adatracker_deploy.world.camera import Camera
+from adatracker_deploy.world.footprint import Clearance, Points
+from adatracker_deploy.world.path import BERTH_M, PathName, RandomWalk, SPath, Still, Walker, lap_course
+from adatracker_deploy.world.person import HEIGHT_M, Gait
+from adatracker_deploy.world.scenes import build_scene, scene_names
+from adatracker_deploy.world.stage import Stage
+
+PERSON_RADIUS_M = 0.3
+"""Half the width of a person, for collisions and for keeping away from each other."""
+
+_STRIDE_S = 0.1
+"""People decide where to walk this often at least, however rarely the world is stepped."""
+
+
+def check_scene(name: str) -> None:
+    """Tell now, before anything moves, whether a world of this name can be built.
+
+    Raises:
+        UsageError: no scene has this name, or MuJoCo is not installed.
+    """
+    if name not in scene_names():
+        raise UsageError(f"unknown scene {name!r}: known are {', '.join(scene_names())}")
+    if importlib.util.find_spec("mujoco") is None:
+        raise UsageError("a simulated world needs mujoco: pip install 'adatracker-deploy[sitl]'")
+
+
+class World:
+    """A scene with a target person and others; the same seed and the same calls give the same world.
+
+    Args:
+        scene: its name, see `scene_names`.
+        seed: of the layout, the people's ways and where they start.
+        target_speed_m_s: how fast everybody walks.
+        path: the target's way; others always walk at random.
+        obstacles: whether things stand in the arena. Its walls and surroundings are always there.
+        others: how many other people walk about.
+
+    Attributes:
+        start: where a robot starts: on the ground, 2.5 m behind the target, facing it.
+
+    Raises:
+        UsageError: no such scene or path, or MuJoCo is not installed.
+    """
+
+    def __init__(
+        self,
+        scene: str,
+        *,
+        seed: int,
+        target_speed_m_s: float = 1.0,
+        path: PathName = "s_path",
+        obstacles: bool = True,
+        others: int = 0,
+    ) -> None:
+        check_scene(scene)
+        if path not in get_args(PathName):
+            raise UsageError(f"unknown path {path!r}: known are {', '.join(get_args(PathName))}")
+        layout, target, crowd = map(np.random.default_rng, np.random.SeedSequence(seed).spawn(3))
+        self.scene = build_scene(scene, layout)
+        self._space = self.scene.free_space(obstacles=obstacles)
+        self._walkable = self.scene.free_space(obstacles=obstacles, inset_m=self.scene.margin_m)
+        self._stage = Stage(self.scene, obstacles=obstacles, people=1 + others)
+        self._camera = Camera(self.scene, self._stage)
+        self._walkers = [self._target(path, target, target_speed_m_s)]
+        self.start = self._behind(self._walkers[0])
+        for rng in crowd.spawn(others):
+            self._walkers.append(self._wanderer(rng, target_speed_m_s, self._room(None, skip=None)))
+        self._gaits = [Gait() for _ in self._walkers]
+        self._show_people()
+
+    @property
+    def target_xy(self) -> tuple[float, float]:
+        """Where the target stands, m."""
+        return self._walkers[0].x, self._walkers[0].y
+
+    @property
+    def people_xy(self) -> NDArray[np.float64]:
+        """Where everybody stands, the target first, shape (1 + others, 2), m."""
+        return np.array([(walker.x, walker.y) for walker in self._walkers])
+
+    def ground_z(self, x: float, y: float) -> float:
+        """Return the height of the ground, m."""
+        return self.scene.terrain.height(x, y)
+
+    def step(self, dt_s: float, robot: Pose | None = None) -> None:
+        """Let everybody walk for `dt_s` >= 0 seconds, clear of a robot at `robot` unless that is overhead."""
+        strides = math.ceil(dt_s / _STRIDE_S - 1e-9)
+        for _ in range(strides):
+            self._stride(dt_s / strides, robot)
+        if strides:
+            self._show_people()
+
+    def render(
+        self, camera: Pose, fov_rad: float, height: int, width: int
+    ) -> tuple[ClassMask, NDArray[np.uint8]]:
+        """Return the class mask (height, width) and the RGB image (height, width, 3), both uint8.
+
+        Args:
+            camera: its pose, x along the optical axis.
+            fov_rad: horizontal field of view; pixels are square.
+            height: rows, px.
+            width: columns, px.
+        """
+        return self._camera.image(camera, fov_rad, height, width)
+
+    def render_mask(self, camera: Pose, fov_rad: float, height: int, width: int) -> ClassMask:
+        """Return the class mask alone, equal to `render`'s."""
+        return self._camera.mask(camera, fov_rad, height, width)
+
+    def collides(self, x: float, y: float, z: float, radius_m: float) -> bool:
+        """Tell whether a ball at this place touches an obstacle, a wall or a person."""
+        if self._space.touches(x, y, z, radius_m):
+            return True
+        people = self.people_xy
+        across = np.hypot(people[:, 0] - x, people[:, 1] - y) - PERSON_RADIUS_M
+        for gap, (px, py) in zip(across.tolist(), people.tolist(), strict=True):
+            foot = self.ground_z(px, py)
+            above = max(foot - z, z - foot - HEIGHT_M, 0.0)
+            if math.hypot(max(gap, 0.0), above) < radius_m:
+                return True
+        return False
+
+    def grounded(self, pose: Pose, radius_m: float) -> Pose:
+        """Return where a ground body that wants to be at `pose` ends up.
+
+        A disc of `radius_m` is kept out of obstacles and walls, and stands on the ground with its slope.
+        """
+        x, y = self._space.push_out(pose.x, pose.y, radius_m)
+        roll, pitch = self.scene.terrain.slope(x, y, pose.yaw)
+        return Pose(x, y, self.ground_z(x, y), roll, pitch, pose.yaw)
+
+    def truth(self, mask: ClassMask, robot: Pose, camera: Pose, radius_m: float) -> Truth:
+        """Return what only a simulator knows of the moment when `mask` was rendered."""
+        x, y = self.target_xy
+        return Truth(
+            mask=mask,
+            robot=robot,
+            camera=camera,
+            target_xy=(x, y),
+            distance_m=robot.distance_to(x, y),
+            bearing_rad=robot.bearing_to(x, y),
+            collided=self.collides(robot.x, robot.y, robot.z, radius_m),
+        )
+
+    def _stride(self, dt_s: float, robot: Pose | None) -> None:
+        for index, (walker, gait) in enumerate(zip(self._walkers, self._gaits, strict=True)):
+            x, y = walker.x, walker.y
+            walker.step(dt_s, self._room(robot, skip=index))
+            gait.walk(math.dist((x, y), (walker.x, walker.y)), dt_s)
+
+    def _show_people(self) -> None:
+        for index, (walker, gait) in enumerate(zip(self._walkers, self._gaits, strict=True)):
+            foot = (walker.x, walker.y, self.ground_z(walker.x, walker.y))
+            self._stage.move_person(index, foot, walker.heading, gait)
+        self._stage.settle()
+
+    def _room(self, robot: Pose | None, *, skip: int | None) -> Clearance:
+        """Return the clearance of somebody who keeps away from obstacles, the robot and everybody else."""
+        bodies = [(walker.x, walker.y) for index, walker in enumerate(self._walkers) if index != skip]
+        if robot is not None and robot.z < self.ground_z(robot.x, robot.y) + HEIGHT_M:
+            bodies.append((robot.x, robot.y))
+        if not bodies:
+            return self._walkable.clearance
+        centres = np.array(bodies)
+
+        def clearance(points: Points) -> NDArray[np.float64]:
+            apart = np.hypot(*(points[:, None, :] - centres).transpose(2, 0, 1)).min(axis=1) - PERSON_RADIUS_M
+            return np.minimum(self._walkable.clearance(points), apart)
+
+        return clearance
+
+    def _target(self, path: PathName, rng: np.random.Generator, speed_m_s: float) -> Walker:
+        if path == "s_path":
+            course = lap_course(self.scene.lap)
+            if rng.random() < 0.5:
+                course = course[::-1]
+            return SPath(course, speed_m_s, rng.uniform(0.0, 1e3))
+        walker = self._wanderer(rng, speed_m_s, self._walkable.clearance)
+        return walker if path == "random_walk" else Still(walker.x, walker.y, walker.heading)
+
+    def _wanderer(self, rng: np.random.Generator, speed_m_s: float, room: Clearance) -> RandomWalk:
+        """Return somebody at a random free place, with free ground for a robot behind."""
+        half = np.array([self.scene.half_x_m, self.scene.half_y_m]) - self.scene.margin_m
+        behind = np.linspace(0.0, DESIRED_DISTANCE_M, 6)[:, None]
+        while True:
+            place, heading = rng.uniform(-half, half), rng.uniform(-math.pi, math.pi)
+            way = place - behind * np.array([math.cos(heading), math.sin(heading)])
+            if (room(way) >= BERTH_M).all():
+                x, y = place.tolist()
+                return RandomWalk(x, y, heading, speed_m_s=speed_m_s, rng=rng)
+
+    def _behind(self, walker: Walker) -> Pose:
+        x = walker.x - DESIRED_DISTANCE_M * math.cos(walker.heading)
+        y = walker.y - DESIRED_DISTANCE_M * math.sin(walker.heading)
+        return self.grounded(Pose(x, y, yaw=walker.heading), PERSON_RADIUS_M)
