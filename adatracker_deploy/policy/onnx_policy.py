@@ -1,0 +1,199 @@
+"""A policy bundle at work: one mask in, one action out, with what it must remember kept between.
+
+The networks run on one thread that never spins: at 20 Hz spinning threads would burn most of a core and
+starve the camera. Inputs are handed over without a copy, and the networks' own outputs become their next
+inputs.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+import onnxruntime as ort
+from numpy.typing import NDArray
+
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.messages import Action
+from adatracker_deploy.policy.base import PolicyInfo
+from adatracker_deploy.policy.bundle import ENCODER_NAME, GOLDEN_NAME, POLICY_NAME
+from adatracker_deploy.policy.drawing import MaskPainter
+from adatracker_deploy.policy.golden import GOLDEN_TICKS, GOLDEN_TOLERANCE
+
+if TYPE_CHECKING:
+    from adatracker_deploy.messages import Observation
+    from adatracker_deploy.policy.bundle import Bundle, GraphSpec
+
+Array = NDArray[np.float32]
+
+
+class OnnxPolicy:
+    """Implements `Policy` over a bundle."""
+
+    def __init__(self, bundle: Bundle) -> None:
+        """Start the networks and run the golden vectors, which also warms them up.
+
+        Raises:
+            UsageError: a network cannot run here, or answers otherwise than it did when it was exported.
+        """
+        manifest = bundle.manifest
+        self._info = PolicyInfo(
+            name=manifest.name, rate_hz=manifest.rate_hz, action=manifest.action, sha256=bundle.sha256
+        )
+        self._painter = MaskPainter(manifest.mask)
+        self._encoder = _encoder(bundle)
+        self._policy = _Network(bundle.policy, manifest.policy, where=f"{bundle.folder}/{POLICY_NAME}")
+        self.reset()
+        _check_answers(self, bundle)
+        self.reset()
+
+    @property
+    def info(self) -> PolicyInfo:
+        """What it is, as its manifest says."""
+        return self._info
+
+    def reset(self, seed: int = 0) -> None:
+        """Forget everything; draw this episode's random colour from `seed`."""
+        self._painter.reset(seed)
+        self._policy.clear()
+        if self._encoder is not None:
+            self._encoder.reset()
+
+    def act(self, observation: Observation) -> Action:
+        """Paint the observation's mask and answer it."""
+        values, context = self.step(self._painter.paint(observation.mask))
+        return Action(values, context)
+
+    def step(self, mask_input: Array) -> tuple[Array, Array | None]:
+        """Answer one network input.
+
+        Args:
+            mask_input: float32 of shape (C, S, S), already painted and scaled; free to be reused after.
+
+        Returns:
+            The action of shape (A,) and the context z of shape (Z,), None without an encoder.
+        """
+        inputs = self._policy.inputs
+        np.copyto(inputs["mask"][0], mask_input)
+        context = None
+        if self._encoder is not None:
+            inputs["z"] = self._encoder.context()
+            context = inputs["z"][0]
+        action, inputs["h"], inputs["c"] = self._policy.run("action", "h_next", "c_next")
+        if self._encoder is not None:
+            self._encoder.remember(inputs["mask"], action)
+        return action[0], context
+
+
+class _Network:
+    """One ONNX graph and its input arrays, which are kept between runs."""
+
+    def __init__(self, model: bytes, spec: GraphSpec, *, where: str) -> None:
+        options = ort.SessionOptions()
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
+        options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+        options.log_severity_level = 4  # what is wrong is raised; nothing else belongs on a terminal
+        try:
+            self._session = ort.InferenceSession(model, options, providers=["CPUExecutionProvider"])
+        except Exception as error:  # its exceptions share no base class of their own
+            raise UsageError(f"{where}: onnxruntime cannot load it: {_one_line(error)}") from error
+        self._spec = spec
+        self.clear()
+
+    def clear(self) -> None:
+        """Set every input to zero: a blank picture, nothing remembered."""
+        self.inputs: dict[str, Array] = {
+            tensor.name: np.zeros(tensor.shape, np.float32) for tensor in self._spec.inputs
+        }
+
+    def run(self, *outputs: str) -> list[Any]:
+        """Return the named outputs as new arrays."""
+        return self._session.run(outputs, self.inputs)  # type: ignore[no-any-return]
+
+
+class _Encoder(Protocol):
+    """Makes the context z of the pairs up to the last tick."""
+
+    def reset(self) -> None:
+        """Remember nothing but blank pairs."""
+
+    def context(self) -> Array:
+        """Return z, shape (1, Z); called once a tick."""
+
+    def remember(self, mask: Array, action: Array) -> None:
+        """Take this tick's pair, shapes (1, C, S, S) and (1, A), for the next tick's z."""
+
+
+def _encoder(bundle: Bundle) -> _Encoder | None:
+    spec = bundle.manifest.encoder
+    if bundle.encoder is None or spec is None:
+        return None
+    network = _Network(bundle.encoder, spec, where=f"{bundle.folder}/{ENCODER_NAME}")
+    return _Streaming(network) if bundle.manifest.interface == "streaming" else _Window(network)
+
+
+class _Streaming:
+    """One pair a tick; the features of the K newest go in and out.
+
+    They are kept less those of a blank pair, so that a history of zeros is one of K blank pairs.
+    """
+
+    def __init__(self, network: _Network) -> None:
+        self._network = network
+
+    def reset(self) -> None:
+        self._network.clear()
+
+    def context(self) -> Array:
+        z: Array
+        z, self._network.inputs["history"] = self._network.run("z", "history_next")
+        return z
+
+    def remember(self, mask: Array, action: Array) -> None:
+        np.copyto(self._network.inputs["mask"], mask)
+        self._network.inputs["action"] = action
+
+
+class _Window:
+    """K pairs a tick, oldest first."""
+
+    def __init__(self, network: _Network) -> None:
+        self._network = network
+
+    def reset(self) -> None:
+        self._network.clear()
+
+    def context(self) -> Array:
+        (z,) = self._network.run("z")
+        return z  # type: ignore[no-any-return]
+
+    def remember(self, mask: Array, action: Array) -> None:
+        for name, newest in (("masks", mask), ("actions", action)):
+            pairs = self._network.inputs[name][0]
+            pairs[:-1] = pairs[1:]
+            pairs[-1] = newest[0]
+
+
+def _check_answers(policy: OnnxPolicy, bundle: Bundle) -> None:
+    """Run the golden vectors from reset; raise UsageError at the first answer that is not the golden one."""
+    where, golden = f"{bundle.folder}/{GOLDEN_NAME}", bundle.golden
+    for tick in range(GOLDEN_TICKS):
+        try:
+            action, z = policy.step(golden["mask"][tick])
+        except Exception as error:
+            raise UsageError(f"{bundle.folder}: its networks fail to run: {_one_line(error)}") from error
+        for name, got in (("action", action), ("z", z)):
+            if got is None:
+                continue
+            wanted = golden[name][tick]
+            difference = float(np.abs(got - wanted).max()) if got.shape == wanted.shape else math.inf
+            if not difference <= GOLDEN_TOLERANCE:  # NaN must not pass
+                raise UsageError(
+                    f"{where}: the networks answer otherwise than when they were exported: {name} differs by "
+                    f"{difference:.2g} at tick {tick}; at most {GOLDEN_TOLERANCE:g} is right"
+                )
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())
