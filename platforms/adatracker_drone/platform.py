@@ -32,6 +32,8 @@ _PROOF_OF_LIFE_S = 1.2
 """PX4 wants set-points for 1 s before it switches to OFFBOARD."""
 _SWITCH_TIMEOUT_S = 2.5
 """HEARTBEAT tells of a new mode up to 1 s late; one may be lost on the way."""
+_SETTLE_S = 0.3
+"""A HEARTBEAT so soon after an acknowledged command may still tell the mode before it."""
 _REACHED = 0.8
 """The part of the take-off altitude above which a HOLD means that the climb is over."""
 _CLIMB_TIMEOUT_S = 30.0
@@ -239,10 +241,10 @@ class DronePlatform(Platform):
         vehicle.arm()
         self._helm.keep_alive(vehicle)
         vehicle.take_off(self._connection.takeoff_altitude_m)
-        accepted_ns = self.clock.now_ns()
+        settled_ns = self._deadline_ns(_SETTLE_S)
         self._demand(
             vehicle,
-            lambda heard: heard.mode_t_ns > accepted_ns,
+            lambda heard: heard.mode_t_ns > settled_ns,
             _SWITCH_TIMEOUT_S,
             "no HEARTBEAT after take-off",
         )
