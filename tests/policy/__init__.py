@@ -1,0 +1,1 @@
+"""Policies: bundles, their runtime, drawing, the PID baseline."""
