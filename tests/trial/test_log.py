@@ -142,6 +142,18 @@ def test_steps_outlive_frames_when_the_writer_is_behind(tmp_path):
     assert len(read_trial(log.folder).steps) == SLOTS + 5
 
 
+def test_a_dropped_tick_gives_its_frames_memory_back(tmp_path):
+    with a_log(tmp_path) as log:
+        with stopped(log.writer_pid):
+            for step in range(1000):  # more than the way to the writer holds
+                log.step(a_step(step, frame_seq=0), a_frame(0), an_observation(0))
+            log_steps(log, range(1000, 1000 + 2 * SLOTS))
+        eventually(lambda: len(read_trial(log.folder).steps) == 1000 + 2 * SLOTS - log.dropped)
+        with stopped(log.writer_pid):
+            log_steps(log, range(2000, 2000 + SLOTS))
+    assert [frame.seq for frame in read_trial(log.folder).frames()] == [0, *range(2000, 2000 + SLOTS)]
+
+
 def test_a_writer_that_died_is_told_as_trouble_and_never_raised(tmp_path):
     with a_log(tmp_path) as log:
         log_steps(log, range(5))
@@ -170,6 +182,7 @@ def test_a_full_disk_is_trouble_within_a_second_and_leaves_the_log_so_far(tmp_pa
         assert log.dropped == 0  # the loop sees no difference
         log.close({"outcome": "completed"})
     assert "File too large" in log.trouble
+    assert file.stat().st_size < full_bytes  # cut back to the last whole tick
     trial = read_trial(log.folder)
     assert trial.steps == tuple(a_step(step) for step in range(len(trial.steps)))
     assert len(trial.steps) >= 5

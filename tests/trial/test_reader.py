@@ -15,7 +15,7 @@ from adatracker_deploy.trial.reader import find_trials, read_trial
 from tests.trial.records import a_step, a_trial
 
 STEPS = 6
-reuses_a_file = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+reuses_a_file = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 @pytest.fixture(scope="module")
