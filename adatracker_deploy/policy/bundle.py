@@ -152,7 +152,7 @@ def write_bundle(
 
 
 def _sealed(manifest: Manifest) -> bytes:
-    body = yaml.safe_dump(_plain(asdict(manifest)), sort_keys=False, allow_unicode=True).encode()
+    body = yaml.safe_dump(_plain(asdict(manifest)), sort_keys=False, default_flow_style=None).encode()
     return f"{_SEAL}{hashlib.sha256(body).hexdigest()}\n".encode() + body
 
 
