@@ -9,12 +9,13 @@ B is the batch, T and K are lengths in time.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from adatracker_deploy.errors import UsageError
 from adatracker_deploy.schema import Range
 
 LstmState = tuple[Tensor, Tensor]
@@ -29,7 +30,7 @@ class AdaTrackerConfig:
     resized edge of one class passes through the value of another.
     """
 
-    channels: Annotated[int, Range(1, 3)] = 3
+    channels: Literal[1, 3] = 3
     size: Annotated[int, Range(16, 256)] = 64
     """Side of the square mask, pixels, a multiple of 16; 64 as in the published Offline-EVT policy."""
     actions: Annotated[int, Range(1, 4)] = 2
@@ -44,6 +45,10 @@ class AdaTrackerConfig:
     """H of the policy's LSTM; 64 as in the published Offline-EVT policy."""
     actor: Annotated[int, Range(1, 4096)] = 128
     """Width of the actor's hidden layer."""
+
+    def __post_init__(self) -> None:
+        if self.size % 16:
+            raise UsageError(f"size must be a multiple of 16, got {self.size}")
 
 
 class Backbone(nn.Module):

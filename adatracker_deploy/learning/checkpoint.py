@@ -1,0 +1,163 @@
+"""Checkpoints: what training leaves behind and export takes up.
+
+    {"format": "adatracker", "config": AdaTrackerConfig, "meta": CheckpointMeta, "state_dict": tensors}
+
+as plain mappings, or the published state dict of Offline EVT. Nothing but tensors and plain values is loaded.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import pickle
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import torch
+from torch import nn
+
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.learning.networks import (
+    AdaTrackerConfig,
+    ContextEncoder,
+    ContextPolicy,
+    OfflineEvtPolicy,
+)
+from adatracker_deploy.policy.base import ActionAxis, ActionSpec
+from adatracker_deploy.policy.manifest import MaskSpec, Palette
+from adatracker_deploy.schema import Range, parse
+
+FORMAT = "adatracker"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckpointMeta:
+    """What a policy's networks cannot say of themselves; the fields are those of a bundle's manifest."""
+
+    name: str
+    mask: MaskSpec
+    action: ActionSpec
+    rate_hz: Annotated[float, Range(1, 100)]
+    training: str
+    licence: str
+
+
+@dataclass(frozen=True, slots=True)
+class AdaTracker:
+    """AdaTracker's networks, in evaluation mode once loaded."""
+
+    encoder: ContextEncoder
+    policy: ContextPolicy
+    meta: CheckpointMeta
+
+
+@dataclass(frozen=True, slots=True)
+class OfflineEvt:
+    """The published policy without context, in evaluation mode once loaded."""
+
+    policy: OfflineEvtPolicy
+    meta: CheckpointMeta
+
+
+Checkpoint = AdaTracker | OfflineEvt
+
+OFFLINE_EVT = CheckpointMeta(
+    name="offline_evt",
+    mask=MaskSpec(
+        size=OfflineEvtPolicy.SIZE,
+        channels=3,
+        draw_size=160,
+        scale=1.0,
+        palette=Palette(background=(0, 0, 0), target=(255, 255, 255), person="random", obstacle="random"),
+    ),
+    action=(ActionAxis(axis="yaw", sign=-1), ActionAxis(axis="forward")),
+    rate_hz=10.0,
+    training="Offline EVT (Zhong et al., ECCV 2024) as published\nCQL-SAC on offline data of one body.",
+    licence="none stated",
+)
+"""The published Offline-EVT checkpoint holds weights alone; the rest is from its authors' code.
+
+Its rate is open (their simulator steps without a clock); 10 Hz reproduces the paper's scores of it.
+"""
+
+
+def save_checkpoint(path: Path, encoder: ContextEncoder, policy: ContextPolicy, meta: CheckpointMeta) -> None:
+    """Write an AdaTracker checkpoint that loads without running code."""
+    torch.save(
+        {
+            "format": FORMAT,
+            "config": dataclasses.asdict(encoder.config),
+            "meta": dataclasses.asdict(meta),
+            "state_dict": _together(encoder, policy).state_dict(),
+        },
+        path,
+    )
+
+
+def load_checkpoint(path: Path) -> Checkpoint:
+    """Read a checkpoint, whichever kind its keys show it to be.
+
+    Raises:
+        UsageError: there is no such file, it needs more than tensors and plain values, it is of an unknown
+            kind, or its weights do not fit its networks or are not finite.
+    """
+    loaded = _load(path)
+    if isinstance(loaded, dict) and loaded.get("format") == FORMAT:
+        return _adatracker(loaded, path)
+    if isinstance(loaded, dict) and "CNN_LSTM.CNN_Simple.conv1.weight" in loaded:
+        return _offline_evt(loaded, path)
+    raise UsageError(
+        f"{path}: neither an AdaTracker checkpoint (a mapping with format: {FORMAT}) nor Offline EVT's state "
+        "dict (keys CNN_LSTM.*, actor_local.*)"
+    )
+
+
+def _load(path: Path) -> Any:
+    if not path.is_file():
+        raise UsageError(f"{path}: no such checkpoint file")
+    try:
+        return torch.load(path, map_location="cpu", weights_only=True)
+    except pickle.UnpicklingError as error:
+        raise UsageError(
+            f"{path}: holds more than tensors and plain values, or is no checkpoint, so it is not loaded; "
+            "save the state dict alone"
+        ) from error
+    except (RuntimeError, EOFError, OSError, ValueError, KeyError) as error:
+        raise UsageError(
+            f"{path}: not a checkpoint that torch can read; is the download complete?"
+        ) from error
+
+
+def _adatracker(loaded: dict[str, Any], path: Path) -> AdaTracker:
+    for key in ("config", "meta", "state_dict"):
+        if not isinstance(loaded.get(key), dict):
+            raise UsageError(f"{path}: {key} is missing or no mapping")
+    config = parse(AdaTrackerConfig, loaded["config"], where=f"{path}: config")
+    meta = parse(CheckpointMeta, loaded["meta"], where=f"{path}: meta")
+    looks = (meta.mask.channels, meta.mask.size, len(meta.action))
+    if looks != (config.channels, config.size, config.actions):
+        raise UsageError(f"{path}: meta and config differ in the mask's channels, its size or the actions")
+    encoder, policy = ContextEncoder(config), ContextPolicy(config)
+    _fill(_together(encoder, policy), loaded["state_dict"], path)
+    return AdaTracker(encoder, policy, meta)
+
+
+def _offline_evt(state_dict: dict[str, Any], path: Path) -> OfflineEvt:
+    policy = OfflineEvtPolicy()
+    _fill(policy, {key: value for key, value in state_dict.items() if not key.startswith("critic")}, path)
+    return OfflineEvt(policy, OFFLINE_EVT)
+
+
+def _together(encoder: ContextEncoder, policy: ContextPolicy) -> nn.ModuleDict:
+    return nn.ModuleDict({"encoder": encoder, "policy": policy})
+
+
+def _fill(module: nn.Module, state_dict: dict[str, Any], path: Path) -> None:
+    try:
+        module.load_state_dict(state_dict)
+    except (RuntimeError, TypeError) as error:
+        reason = " ".join(str(error).split())
+        raise UsageError(f"{path}: the weights do not fit: {reason[:300]}") from error
+    if not all(bool(weight.isfinite().all()) for weight in module.parameters()):
+        raise UsageError(f"{path}: some weights are not finite: its training diverged; take an earlier one")
+    module.eval()
