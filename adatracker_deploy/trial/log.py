@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import platform as machine
@@ -12,13 +11,21 @@ import time
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import version
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self
 
 import yaml
 
 from adatracker_deploy import __version__
 from adatracker_deploy.errors import UsageError
+from adatracker_deploy.trial.folder import (
+    CONFIG_NAME,
+    FILE_NAME,
+    PART_NAME,
+    SUMMARY_NAME,
+    new_folder,
+    writable,
+    write_file,
+)
 from adatracker_deploy.trial.handover import (
     SLOTS,
     End,
@@ -36,16 +43,12 @@ from adatracker_deploy.trial.handover import (
 from adatracker_deploy.trial.step_json import STEP_FORMAT
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Mapping
+    from pathlib import Path
 
     from adatracker_deploy.messages import Frame, Observation
     from adatracker_deploy.trial.record import StepRecord
 
-FILE_NAME = "trial.mcap"
-PART_NAME = FILE_NAME + ".part"
-"""Its name while it is written, and for ever when the writer could not finish it."""
-SUMMARY_NAME = "summary.json"
-CONFIG_NAME = "config.yaml"
 START_TIMEOUT_S = 30.0
 CLOSE_TIMEOUT_S = 10.0
 
@@ -101,10 +104,10 @@ class TrialLog:
             UsageError: the folder cannot be written, or the writer does not start.
         """
         wall_ns = time.time_ns()
-        folder = _new_folder(log_dir, wall_ns, f"{platform}_{kind}")
+        folder = new_folder(log_dir, wall_ns, f"{platform}_{kind}")
         config_yaml = yaml.safe_dump(dict(config), sort_keys=False, allow_unicode=True)
-        with _writable(folder):
-            _write_file(folder / CONFIG_NAME, config_yaml)
+        with writable(folder):
+            write_file(folder / CONFIG_NAME, config_yaml)
         metadata = {
             "trial": {
                 "step_format": str(STEP_FORMAT),
@@ -184,7 +187,7 @@ class TrialLog:
         try:
             if summary is not None:
                 text = json.dumps(summary, indent=2, allow_nan=False)
-                _write_file(self.folder / SUMMARY_NAME, text + "\n")
+                write_file(self.folder / SUMMARY_NAME, text + "\n")
                 self._post.send(End(text), CLOSE_TIMEOUT_S)
             self._post.finish()
             self._writer.wait(CLOSE_TIMEOUT_S)
@@ -233,7 +236,7 @@ class TrialLog:
             self.dropped += 1
             return False
         except OSError as error:
-            self._trouble = self._trouble or f"the log's writer has gone: {error.strerror}"
+            self._trouble = self._trouble or f"the log's writer cannot be reached: {error.strerror}"
             self.dropped += 1
             return False
         return True
@@ -255,41 +258,3 @@ class TrialLog:
 
     def _wall_ns(self, t_ns: int) -> int:
         return max(0, t_ns + self._wall_minus_run_ns)
-
-
-def _new_folder(log_dir: Path, wall_ns: int, suffix: str) -> Path:
-    """Make a folder of a name that is not taken, one millisecond later if it must be."""
-    with _writable(log_dir):
-        log_dir.mkdir(parents=True, exist_ok=True)
-        while True:
-            stamp = datetime.fromtimestamp(wall_ns / 1e9, UTC).strftime("%Y%m%d-%H%M%S-%f")[:-3]
-            folder = log_dir / f"{stamp}_{suffix}"
-            try:
-                folder.mkdir(mode=0o700)
-            except FileExistsError:
-                wall_ns += 1_000_000
-            else:
-                return folder
-
-
-@contextlib.contextmanager
-def _writable(folder: Path) -> Iterator[None]:
-    """Turn what the file system refuses into a line the operator can act on."""
-    try:
-        yield
-    except OSError as error:
-        raise UsageError(
-            f"log folder {folder}: cannot be written ({error.strerror}); choose another with --log-dir"
-        ) from error
-
-
-def _write_file(path: Path, text: str) -> None:
-    """Write a small file whole or not at all, readable by its owner alone."""
-    part = path.with_name(path.name + ".part")
-    with os.fdopen(
-        os.open(part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w", encoding="utf-8"
-    ) as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
-    part.rename(path)

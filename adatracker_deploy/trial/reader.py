@@ -22,7 +22,7 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC
 
 from adatracker_deploy.errors import UsageError
-from adatracker_deploy.trial.log import FILE_NAME, PART_NAME
+from adatracker_deploy.trial.folder import FILE_NAME, PART_NAME
 from adatracker_deploy.trial.mask_png import decode_mask
 from adatracker_deploy.trial.step_json import STEP_FORMAT, step_from_json
 

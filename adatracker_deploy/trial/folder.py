@@ -1,0 +1,61 @@
+"""A trial's folder: its name, what lies in it, and how small files are written there."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+
+from adatracker_deploy.errors import UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+FILE_NAME = "trial.mcap"
+PART_NAME = FILE_NAME + ".part"
+"""Its name while it is written, and for ever when the writer could not finish it."""
+SUMMARY_NAME = "summary.json"
+CONFIG_NAME = "config.yaml"
+
+
+def new_folder(log_dir: Path, wall_ns: int, suffix: str) -> Path:
+    """Make ``LOG_DIR/<UTC time>_<suffix>/`` (mode 0700), one millisecond later when the name is taken.
+
+    Raises:
+        UsageError: it cannot be made.
+    """
+    with writable(log_dir):
+        log_dir.mkdir(parents=True, exist_ok=True)
+        while True:
+            stamp = datetime.fromtimestamp(wall_ns / 1e9, UTC).strftime("%Y%m%d-%H%M%S-%f")[:-3]
+            folder = log_dir / f"{stamp}_{suffix}"
+            try:
+                folder.mkdir(mode=0o700)
+            except FileExistsError:
+                wall_ns += 1_000_000
+            else:
+                return folder
+
+
+@contextlib.contextmanager
+def writable(folder: Path) -> Iterator[None]:
+    """Turn what the file system refuses into a line the operator can act on."""
+    try:
+        yield
+    except OSError as error:
+        raise UsageError(
+            f"log folder {folder}: cannot be written ({error.strerror}); choose another with --log-dir"
+        ) from error
+
+
+def write_file(path: Path, text: str) -> None:
+    """Write a small file whole or not at all, readable by its owner alone."""
+    part = path.with_name(path.name + ".part")
+    fd = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+    with os.fdopen(fd, "w", encoding="utf-8") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+    part.rename(path)
