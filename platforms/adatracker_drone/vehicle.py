@@ -9,7 +9,6 @@ autopilot's fail-safe for lost set-points cannot see that Python hangs.
 from __future__ import annotations
 
 import contextlib
-import json
 import logging
 import math
 import socket
@@ -39,8 +38,6 @@ _log.addHandler(logging.NullHandler())
 _STATUS_RATE_HZ = 5.0
 _AUTOPILOT_COMPONENT = 1
 """MAV_COMP_ID_AUTOPILOT1."""
-_ACCEPTED = 0
-"""MAV_RESULT_ACCEPTED."""
 _NO_ANSWER = ("TIMEOUT", "NO_SYSTEM", "CONNECTION_ERROR")
 _HEALTH = {
     "is_gyrometer_calibration_ok": "gyroscope",
@@ -76,8 +73,6 @@ class Heard:
     """State of charge, 0 to 1."""
     complaint: str = ""
     """The last message of severity warning or worse, in the autopilot's own words."""
-    connected: bool = False
-    """MAVSDK has heard a HEARTBEAT within the last 3 s."""
 
 
 class Vehicle:
@@ -125,11 +120,10 @@ class Vehicle:
         with self._explained("send a set-point"):
             self._direct.send_message(self._message("SET_POSITION_TARGET_LOCAL_NED", fields))
 
-    def switch_to_offboard(self) -> bool:
-        """Ask for OFFBOARD; return whether the autopilot accepted, which does not yet prove that it stays."""
+    def switch_to_offboard(self) -> None:
+        """Ask for OFFBOARD; the proof is the mode that is heard, not the answer."""
         with self._explained("switch to OFFBOARD"):
-            answer = self._direct.send_command(self._message("COMMAND_LONG", offboard_json(self._autopilot)))
-        return bool(json.loads(answer.fields_json).get("result") == _ACCEPTED)
+            self._direct.send_command(self._message("COMMAND_LONG", offboard_json(self._autopilot)))
 
     def arm(self) -> None:
         """Arm; the autopilot refuses when its own checks fail."""
@@ -170,8 +164,6 @@ class Vehicle:
         self._autopilot = (system.get_system_id(), _AUTOPILOT_COMPONENT)
         self._action, self._param = Action(system), Param(system)
         self._direct, self._telemetry = MavlinkDirect(system), Telemetry(system)
-        self._hear(connected=True)
-        system.subscribe_is_connected(lambda connected, _: self._hear(connected=connected))
         self._telemetry.subscribe_position_velocity_ned(self._on_position)
         self._telemetry.subscribe_attitude_euler(self._on_attitude)
         self._telemetry.subscribe_attitude_angular_velocity_body(self._on_angular_velocity)
