@@ -1,7 +1,7 @@
 """The simulated world that rehearsal and learning share: scenes, people, ray-cast camera, bodies, episodes.
 
-`stage` is the only module that imports MuJoCo, when the first world is built, and `camera` renders what it
-holds; the others are pure. `world` puts them together, `bodies` is what moves in it, `task` is the paper's
+`caster` is the only module that imports MuJoCo, when the first world is built; `stage` puts a scene before it
+and `camera` renders that. `world` puts it all together, `bodies` is what moves in it, `task` is the paper's
 episode with its rules, and `episode` runs a policy through one in lock-step, without a wire.
 """
 

@@ -55,7 +55,17 @@ class EpisodeResult:
 
 
 def run_episode(
-    world: World, body: Body, policy: Policy, limits: Limits, settings: TaskSettings, *, seed: int
+    world: World,
+    body: Body,
+    policy: Policy,
+    limits: Limits,
+    *,
+    steps: int = 500,
+    rate_hz: float | None = None,
+    mask_size: tuple[int, int] = (64, 64),
+    fov_rad: float = math.pi / 2,
+    substeps: int = 1,
+    seed: int = 0,
 ) -> EpisodeResult:
     """Run `policy` from the start of a fresh world until the episode ends.
 
@@ -64,19 +74,30 @@ def run_episode(
         body: reset here, with `seed`.
         policy: reset here, with `seed`.
         limits: turn actions into velocities; nothing else gates them.
-        settings: how the episode is run; its rate should be the policy's, `policy.info.rate_hz`.
-        seed: of what is random in body and policy.
+        steps: the horizon.
+        rate_hz: steps a second; by default the policy's.
+        mask_size: height and width of the masks that the policy is shown, px.
+        fov_rad: the camera's horizontal field of view.
+        substeps: steps of the body's dynamics in each.
+        seed: of what is random in body and policy; the world has its own.
     """
+    settings = TaskSettings(
+        rate_hz=rate_hz or policy.info.rate_hz,
+        steps=steps,
+        mask_size=mask_size,
+        fov_rad=fov_rad,
+        substeps=substeps,
+    )
     task = Task(world, body, settings)
     policy.reset(seed)
     observation = task.begin(seed)
-    steps: list[Step] = []
+    made: list[Step] = []
     while True:
         command = to_twist(policy.act(observation).values, policy.info.action, limits)
         outcome = task.step(command)
-        steps.append(_step(command, outcome))
+        made.append(_step(command, outcome))
         if outcome.end:
-            return EpisodeResult(outcome.end, tuple(steps))
+            return EpisodeResult(outcome.end, tuple(made))
         observation = outcome.observation
 
 

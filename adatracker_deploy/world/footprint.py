@@ -48,7 +48,8 @@ class FreeSpace:
         """Return the distance from each place to the nearest wall or standing solid (a `Clearance`)."""
         walls: NDArray[np.float64] = (self._half - np.abs(points)).min(axis=1)
         distance, _ = self._standing.distance(points)
-        return np.minimum(walls, distance.min(axis=1, initial=np.inf))
+        clear: NDArray[np.float64] = np.minimum(walls, distance.min(axis=1, initial=np.inf))
+        return clear
 
     def push_out(self, x: float, y: float, radius_m: float) -> tuple[float, float]:
         """Return the nearest place where a disc touches neither wall nor standing solid.

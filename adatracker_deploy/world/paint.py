@@ -15,6 +15,7 @@ _HAZE_M = 140.0
 """Distance at which a colour has given way to haze by 1 - 1/e."""
 _WINDOW = np.array([0.22, 0.29, 0.36])
 _LANE_HALF_WIDTH_M = 0.08
+_LINE_FADES_M = 40.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,8 +36,8 @@ class Surfaces:
     has_windows: NDArray[np.bool_]
 
 
-def paint(scene: Scene, rays: Array, seen: NDArray[np.bool_], surfaces: Surfaces) -> NDArray[np.uint8]:
-    """Return the colours uint8 (M, 3) of M rays, of which those that are `seen` met the N `surfaces`.
+def paint(scene: Scene, rays: Array, seen: NDArray[np.intp], surfaces: Surfaces) -> NDArray[np.uint8]:
+    """Return the colours uint8 (M, 3) of M rays, of which the N with indices `seen` met `surfaces`.
 
     Lambert's cosine law for the sun, plus a sky that lights what faces upwards a little more.
     """
@@ -51,7 +52,8 @@ def paint(scene: Scene, rays: Array, seen: NDArray[np.bool_], surfaces: Surfaces
     lit = colour * (ambient + 0.62 * surfaces.light)[:, None]
     clear = np.exp(-surfaces.distance / _HAZE_M)[:, None]
     image[seen] = haze + (lit - haze) * clear
-    return (image.clip(0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+    pixels: NDArray[np.uint8] = (image.clip(0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+    return pixels
 
 
 def _ground(ground: Ground, point: Array, distance: Array) -> Array:
@@ -61,7 +63,7 @@ def _ground(ground: Ground, point: Array, distance: Array) -> Array:
     if ground.pattern == "lanes":
         across = np.abs((y + ground.period_m / 2) % ground.period_m - ground.period_m / 2)
         line = (across < _LANE_HALF_WIDTH_M) & (x % 4.0 < 2.4)
-        return first + (second - first) * (line * np.exp(-distance / 40.0))[:, None]
+        return _mix(first, second, line * np.exp(-distance / _LINE_FADES_M))
     column, row = np.floor(x / ground.period_m), np.floor(y / ground.period_m)
     if ground.pattern == "checker":
         share = (column + row) % 2.0
@@ -69,7 +71,12 @@ def _ground(ground: Ground, point: Array, distance: Array) -> Array:
         # A hash that is good enough to look irregular: the fraction of a large sine.
         share = np.sin(column * 12.9898 + row * 78.233) * 43758.5453 % 1.0
     sharp = np.exp(-distance / (16.0 * ground.period_m))
-    return first + (second - first) * (0.5 + (share - 0.5) * sharp)[:, None]
+    return _mix(first, second, 0.5 + (share - 0.5) * sharp)
+
+
+def _mix(first: Array, second: Array, share: Array) -> Array:
+    mixed: Array = first + (second - first) * share[:, None]
+    return mixed
 
 
 def _facade(colour: Array, point: Array, normal: Array) -> Array:
@@ -77,4 +84,5 @@ def _facade(colour: Array, point: Array, normal: Array) -> Array:
     along = point[:, 1] * normal[:, 0] - point[:, 0] * normal[:, 1]
     u, v = along / 2.4 % 1.0, point[:, 2] / 3.0 % 1.0
     glass = (np.abs(u - 0.5) < 0.27) & (np.abs(v - 0.55) < 0.24) & (np.abs(normal[:, 2]) < 0.5)
-    return np.where(glass[:, None], _WINDOW, colour)
+    painted: Array = np.where(glass[:, None], _WINDOW, colour)
+    return painted

@@ -138,7 +138,7 @@ class RandomWalk:
         way = here + along[..., None] * np.stack([np.cos(bearing), np.sin(bearing)], axis=-1)[:, None, :]
         needed = min(BERTH_M, float(clearance(here[None])[0]))
         free = (clearance(way.reshape(-1, 2)) >= needed).reshape(along.shape)
-        steps = np.where(free.all(axis=1), free.shape[1], free.argmin(axis=1))
+        steps = np.where(free.all(axis=1), len(reach), free.argmin(axis=1))
         best = int(steps.argmax())
         if steps[best] == 0:
             return None

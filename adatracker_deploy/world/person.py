@@ -19,15 +19,17 @@ _THIGH = 0.245 * HEIGHT_M
 _SHANK = 0.246 * HEIGHT_M
 _ANKLE = 0.039 * HEIGHT_M
 _HIP = _THIGH + _SHANK + _ANKLE
-_SHOULDER = 0.818 * HEIGHT_M
+_SHOULDER = 0.818 * HEIGHT_M - 0.04  # the middle of a rounded shoulder
 _UPPER_ARM = 0.186 * HEIGHT_M
 _FOREARM = 0.20 * HEIGHT_M
 _HIP_HALF_WIDTH = 0.095
 _SHOULDER_HALF_WIDTH = 0.215
+_FOOT_HALF_HEIGHT = 0.045
 
 REACH_M = 1.1
 """Radius of a ball around the middle of a person that holds every limb in every posture."""
 
+Point = tuple[float, float, float]
 Role = Literal["skin", "hair", "shirt", "trousers", "shoes"]
 
 
@@ -36,29 +38,27 @@ class Limb:
     """One primitive of a person and what colours it."""
 
     shape: Literal["capsule", "ellipsoid"]
-    size: tuple[float, float, float]
-    """Capsule: radius, half length between its ends' centres, 0. Ellipsoid: half-widths. All m."""
+    half: tuple[float, float, float]
+    """Ellipsoid: half-widths. Capsule: radius, radius, half the distance between its ends' centres. All m."""
     role: Role
 
 
 _TRUNK = (
     (Limb("ellipsoid", (0.095, 0.078, 0.115), "skin"), (0.01, 0.0, 1.635)),
     (Limb("ellipsoid", (0.098, 0.083, 0.085), "hair"), (-0.02, 0.0, 1.675)),
-    (Limb("capsule", (0.052, 0.05, 0.0), "skin"), (0.0, 0.0, 1.50)),
+    (Limb("capsule", (0.052, 0.052, 0.05), "skin"), (0.0, 0.0, 1.50)),
     (Limb("ellipsoid", (0.120, 0.200, 0.300), "shirt"), (0.0, 0.0, 1.215)),
     (Limb("ellipsoid", (0.118, 0.170, 0.150), "trousers"), (0.0, 0.0, 0.94)),
 )
 _SIDE = (
-    Limb("capsule", (0.048, _UPPER_ARM / 2, 0.0), "shirt"),
-    Limb("capsule", (0.038, _FOREARM / 2, 0.0), "skin"),
-    Limb("capsule", (0.078, _THIGH / 2, 0.0), "trousers"),
-    Limb("capsule", (0.054, _SHANK / 2, 0.0), "trousers"),
-    Limb("ellipsoid", (0.135, 0.050, 0.045), "shoes"),
+    Limb("capsule", (0.048, 0.048, _UPPER_ARM / 2), "shirt"),
+    Limb("capsule", (0.038, 0.038, _FOREARM / 2), "skin"),
+    Limb("capsule", (0.078, 0.078, _THIGH / 2), "trousers"),
+    Limb("capsule", (0.054, 0.054, _SHANK / 2), "trousers"),
+    Limb("ellipsoid", (0.135, 0.050, _FOOT_HALF_HEIGHT), "shoes"),
 )
 LIMBS: tuple[Limb, ...] = tuple(limb for limb, _ in _TRUNK) + _SIDE + _SIDE
 """Every limb, in the order that `posture` places them: trunk from the head down, left side, right side."""
-
-_TRUNK_AT = np.array([at for _, at in _TRUNK])
 
 
 @dataclass(slots=True)
@@ -91,19 +91,20 @@ def posture(gait: Gait) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     bend = effort * min(1.3, 0.7 + 0.2 * gait.speed_m_s)
     legs = [_leg(gait.phase_rad + turn, swing, bend) for turn in (0.0, math.pi)]
     hip = max(_THIGH * math.cos(thigh) + _SHANK * math.cos(shank) for thigh, shank in legs) + _ANKLE
-    centres, pitches = [_TRUNK_AT + np.array([0.0, 0.0, hip - _HIP])], [np.zeros(len(_TRUNK_AT))]
+    drop = hip - _HIP
+    centres = [(x, y, z + drop) for _, (x, y, z) in _TRUNK]
+    pitches = [0.0] * len(_TRUNK)
     for side, (thigh, shank) in zip((1.0, -1.0), legs, strict=True):
         upper = -0.8 * thigh
         fore = upper + 0.15 + 0.5 * swing
-        shoulder = np.array([0.0, side * _SHOULDER_HALF_WIDTH, _SHOULDER - 0.04 + hip - _HIP])
-        elbow, upper_centre = _hang(shoulder, upper, _UPPER_ARM)
-        _, fore_centre = _hang(elbow, fore, _FOREARM)
-        knee, thigh_centre = _hang(np.array([0.0, side * _HIP_HALF_WIDTH, hip]), thigh, _THIGH)
-        ankle, shank_centre = _hang(knee, shank, _SHANK)
-        foot = ankle + np.array([0.06, 0.0, 0.045 - _ANKLE])
-        centres.append(np.array([upper_centre, fore_centre, thigh_centre, shank_centre, foot]))
-        pitches.append(-np.array([upper, fore, thigh, shank, 0.0]))
-    return np.concatenate(centres), np.concatenate(pitches)
+        elbow, upper_middle = _hang((0.0, side * _SHOULDER_HALF_WIDTH, _SHOULDER + drop), upper, _UPPER_ARM)
+        _, fore_middle = _hang(elbow, fore, _FOREARM)
+        knee, thigh_middle = _hang((0.0, side * _HIP_HALF_WIDTH, hip), thigh, _THIGH)
+        ankle, shank_middle = _hang(knee, shank, _SHANK)
+        foot = (ankle[0] + 0.06, ankle[1], ankle[2] - _ANKLE + _FOOT_HALF_HEIGHT)
+        centres += [upper_middle, fore_middle, thigh_middle, shank_middle, foot]
+        pitches += [-upper, -fore, -thigh, -shank, 0.0]
+    return np.array(centres), np.array(pitches)
 
 
 def _leg(phase: float, swing: float, bend: float) -> tuple[float, float]:
@@ -112,9 +113,8 @@ def _leg(phase: float, swing: float, bend: float) -> tuple[float, float]:
     return thigh, thigh - bend * max(0.0, math.cos(phase)) ** 2
 
 
-def _hang(
-    joint: NDArray[np.float64], angle: float, length: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _hang(joint: Point, angle: float, length: float) -> tuple[Point, Point]:
     """Return the far end and the middle of a limb that hangs from `joint` at an angle from straight down."""
-    along = np.array([math.sin(angle), 0.0, -math.cos(angle)]) * length
-    return joint + along, joint + along / 2
+    x, y, z = joint
+    along, down = length * math.sin(angle), length * math.cos(angle)
+    return (x + along, y, z - down), (x + along / 2, y, z - down / 2)

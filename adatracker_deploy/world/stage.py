@@ -1,26 +1,22 @@
-"""A scene with its people as a MuJoCo model: the one module that knows the simulator.
-
-MuJoCo serves as a ray caster only; no dynamics are stepped. Each limb of a person is a mocap body of its own:
-`mj_multiRay` passes over bodies by their bounding boxes, so geoms must stay where their bodies are.
-"""
+"""A scene with its people, as rays see it: what they meet, of what class and of what colour it is."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from adatracker_deploy.messages import MaskClass
+from adatracker_deploy.world.caster import Array, Caster, Primitive, Rays
 from adatracker_deploy.world.person import LIMBS, REACH_M, Gait, Role, posture
-from adatracker_deploy.world.scene import Rgb, Scene
+from adatracker_deploy.world.scene import Rgb, Scene, Thing
 
-SOLID, SURFACE = 0, 1
-"""MuJoCo geom groups: what can hide something and is not background, and the ground and walls."""
-
-WALL_THICKNESS_M = 0.2
+NOTHING = -1
+"""Primitive index of a ray that meets nothing."""
+GROUND = 0
+"""Primitive index of the ground."""
 
 _SKIN_AND_HAIR: tuple[tuple[Rgb, Rgb], ...] = (
     ((0.86, 0.66, 0.53), (0.20, 0.13, 0.08)),
@@ -34,205 +30,132 @@ _CLOTHES: tuple[tuple[Rgb, Rgb], ...] = (
     ((0.24, 0.52, 0.30), (0.45, 0.38, 0.28)),
     ((0.88, 0.88, 0.86), (0.40, 0.14, 0.16)),
 )
+_BALL_MIDDLE_M = 0.9
+"""Height of the middle of the ball around a person."""
+
+
+@dataclass(frozen=True, slots=True)
+class Hits:
+    """What N rays met."""
+
+    primitive: NDArray[np.int32]
+    """Index into the stage's tables, `NOTHING` where nothing was met, (N,)."""
+    distance: Array
+    """m, infinite where nothing was met, (N,)."""
+    normal: Array | None
+    """Unit normals (N, 3), where they were asked for."""
 
 
 class Stage:
-    """What can be seen, and of what class and colour it is.
+    """Ground and walls, things, and people that walk.
 
     Attributes:
-        class_of_geom: uint8 (geoms + 1,); the last one, index -1, is for rays that meet nothing.
-        rgb_of_geom: float32 (geoms + 1, 3).
-        windows_of_geom: bool (geoms + 1,), which sides have rows of windows.
-        ground_geom: the ground's index.
+        class_of: `MaskClass` of each primitive, uint8 (P + 1,); the last, at `NOTHING`, is background.
+        rgb_of: colour of each primitive, float32 (P + 1, 3).
+        windows_of: whether a primitive's sides have rows of windows, bool (P + 1,).
     """
 
     def __init__(self, scene: Scene, *, obstacles: bool, people: int) -> None:
-        """Build `scene` with this many people, the first of whom is the target, all at the origin.
+        """Put up `scene` with this many people, the first of whom is the target, all at the origin.
 
         Raises:
             ImportError: MuJoCo is not installed.
         """
-        import mujoco
+        things = scene.everything(obstacles=obstacles)
+        self._surfaces = Caster.of_surfaces(scene)
+        self._people = [Caster.of_bodies(_limbs(index)) for index in range(people)]
+        self._solids = self._people + [_standing(thing, scene) for thing in things]
+        balls = [caster.ball() for caster in self._solids]
+        self._ball_centres = np.array([centre for centre, _ in balls])
+        self._ball_radii = np.array([REACH_M] * people + [radius for _, radius in balls[people:]])
 
-        self._mujoco = mujoco
-        self._things = scene.everything(obstacles=obstacles)
-        self._windows: dict[str, bool] = {}
-        spec = mujoco.MjSpec()
-        self._add_surfaces(spec, scene)
-        classes = {"world": MaskClass.BACKGROUND}
-        for index in range(len(self._things)):
-            classes[f"thing {index}"] = MaskClass.OBSTACLE
-            self._add_thing(spec, scene, index)
-        for index in range(people):
-            for body in self._add_person(spec, index):
-                classes[body] = MaskClass.TARGET if index == 0 else MaskClass.PERSON
-        model = self._model = spec.compile()
-        data = self._data = mujoco.MjData(model)
-        mujoco.mj_kinematics(model, data)
-
-        # MuJoCo numbers the geoms of the world body first, whatever the order they were added in: what a geom
-        # is follows from its body alone.
-        class_of_body = np.array([classes[model.body(i).name] for i in range(model.nbody)], np.uint8)
-        self.class_of_geom = np.append(class_of_body[model.geom_bodyid], np.uint8(MaskClass.BACKGROUND))
-        self.rgb_of_geom = np.vstack([model.geom_rgba[:, :3], np.zeros(3)]).astype(np.float32)
-        windows = [self._windows.get(model.geom(i).name, False) for i in range(model.ngeom)]
-        self.windows_of_geom = np.array([*windows, False])
-        self.ground_geom = int(model.geom("ground").id)
-        # Mocap bodies are numbered in the order they were added in.
-        self._mocap_pos = data.mocap_pos.reshape(people, len(LIMBS), 3)
-        self._mocap_quat = data.mocap_quat.reshape(people, len(LIMBS), 4)
-        self._ball_centres, self._ball_radii = self._balls(people)
+        # A caster is one thing, so its primitives are of one class, however MuJoCo numbers them inside.
+        classes = [MaskClass.TARGET, *[MaskClass.PERSON] * (people - 1)] + [MaskClass.OBSTACLE] * len(things)
+        counts = [len(caster.rgb) for caster in (self._surfaces, *self._solids)]
+        self._first = np.cumsum(counts).tolist()
+        self.class_of = np.repeat(
+            np.array([MaskClass.BACKGROUND, *classes, MaskClass.BACKGROUND], np.uint8), [*counts, 1]
+        )
+        nothing = np.zeros((1, 3), np.float32)
+        self.rgb_of = np.concatenate([self._surfaces.rgb, *(caster.rgb for caster in self._solids), nothing])
+        self.windows_of = np.zeros(len(self.class_of), bool)
+        painted = [part.windows for thing in things for part in thing.parts]
+        self.windows_of[len(self.windows_of) - 1 - len(painted) : -1] = painted
 
     def move_person(self, index: int, foot: tuple[float, float, float], heading: float, gait: Gait) -> None:
-        """Put a person's feet on a place of the scene, turned to `heading` (rad); seen so after `settle`."""
+        """Put a person's feet on a place of the scene, turned to `heading` (rad)."""
         centres, pitches = posture(gait)
         cos, sin = math.cos(heading), math.sin(heading)
-        place = self._mocap_pos[index]
-        place[:, 0] = foot[0] + cos * centres[:, 0] - sin * centres[:, 1]
-        place[:, 1] = foot[1] + sin * centres[:, 0] + cos * centres[:, 1]
-        place[:, 2] = foot[2] + centres[:, 2]
+        turned = centres @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
         # The quaternion product of a yaw by `heading` and a pitch by `pitches`.
         yaw_w, yaw_z = math.cos(heading / 2), math.sin(heading / 2)
         pitch_w, pitch_y = np.cos(pitches / 2), np.sin(pitches / 2)
-        turn = (yaw_w * pitch_w, -yaw_z * pitch_y, yaw_w * pitch_y, yaw_z * pitch_w)
-        self._mocap_quat[index] = np.stack(turn, axis=-1)
-        self._ball_centres[index] = (foot[0], foot[1], foot[2] + 0.9)
+        quaternion = np.stack([yaw_w * pitch_w, -yaw_z * pitch_y, yaw_w * pitch_y, yaw_z * pitch_w], axis=-1)
+        self._people[index].place(turned + foot, quaternion)
+        self._ball_centres[index] = (foot[0], foot[1], foot[2] + _BALL_MIDDLE_M)
 
-    def settle(self) -> None:
-        """Let every geom follow its body."""
-        self._mujoco.mj_kinematics(self._model, self._data)
+    def solids(self, rays: Rays, *, normals: bool = False) -> Hits:
+        """Return what the rays meet of things and people; ground and walls are left out."""
+        count = len(rays)
+        hits = Hits(
+            np.full(count, NOTHING, np.int32),
+            np.full(count, np.inf),
+            np.zeros((count, 3)) if normals else None,
+        )
+        for caster, first, near in zip(self._solids, self._first, self._near(rays), strict=False):
+            chosen = np.flatnonzero(near)
+            if chosen.size:
+                self._merge(hits, caster, first, rays, chosen)
+        return hits
 
-    def near_solids(self, origin: NDArray[np.float64], rays: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """Tell which rays, unit vectors (N, 3), may meet something of the group `SOLID`; true when in doubt.
+    def surfaces(self, rays: Rays, hits: Hits, chosen: NDArray[np.intp]) -> None:
+        """Let ground and walls hide what is behind them along the `chosen` rays; changes `hits`."""
+        self._merge(hits, self._surfaces, GROUND, rays, chosen)
 
-        Each thing and person is inside a ball; a ray can meet it only within the cone around that ball.
+    @staticmethod
+    def _merge(hits: Hits, caster: Caster, first: int, rays: Rays, chosen: NDArray[np.intp]) -> None:
+        """Take what `caster` shows along the `chosen` rays into `hits`, where it is nearer."""
+        normal = None if hits.normal is None else np.zeros((len(chosen), 3))
+        primitive, distance = caster.cast(rays.only(chosen), normal)
+        nearer = (primitive >= 0) & (distance < hits.distance[chosen])
+        where = chosen[nearer]
+        hits.primitive[where] = primitive[nearer] + first
+        hits.distance[where] = distance[nearer]
+        if hits.normal is not None and normal is not None:
+            hits.normal[where] = normal[nearer]
+
+    def _near(self, rays: Rays) -> NDArray[np.bool_]:
+        """Tell which solids (S, N) each ray may meet, true when in doubt.
+
+        Each is inside a ball; a ray can meet it only within the cone around that ball.
         """
-        if not self._ball_radii.size:
-            return np.zeros(len(rays), bool)
-        to_ball = self._ball_centres - origin
-        distance = np.linalg.norm(to_ball, axis=1)
-        sine = np.minimum(self._ball_radii / np.maximum(distance, 1e-9), 1.0)
-        least = np.where(sine < 1.0, np.sqrt(1.0 - sine**2), -2.0) - 1e-4  # single precision below
-        axes = (to_ball / np.maximum(distance, 1e-9)[:, None]).astype(np.float32)
-        near: NDArray[np.bool_] = (rays @ axes.T >= least.astype(np.float32)).any(axis=1)
+        to_ball = self._ball_centres - rays.origin
+        distance = np.maximum(np.linalg.norm(to_ball, axis=1), 1e-9)
+        sine = np.minimum(self._ball_radii / distance, 1.0)
+        # In single precision, hence a little wider; from inside a ball every ray may meet its solid.
+        least = np.where(sine < 1.0, np.sqrt(1.0 - sine**2) - 1e-4, -2.0).astype(np.float32)
+        axes = (to_ball / distance[:, None]).astype(np.float32)
+        near: NDArray[np.bool_] = axes @ rays.ways.astype(np.float32).T >= least[:, None]
         return near
 
-    def cast(
-        self, origin: NDArray[np.float64], rays: NDArray[np.float64], *, groups: Sequence[int], normals: bool
-    ) -> tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64] | None]:
-        """Cast unit rays (N, 3) from one place against the given geom groups.
 
-        Returns:
-            The geom met (N,) and its distance (N,), m, both -1 for none; surface normals (N, 3) if asked.
-        """
-        count = len(rays)
-        geom, distance = np.full(count, -1, np.int32), np.full(count, -1.0)
-        normal = np.zeros((count, 3)) if normals else None
-        if count:
-            chosen = np.zeros(6, np.uint8)
-            chosen[list(groups)] = 1
-            self._mujoco.mj_multiRay(
-                self._model,
-                self._data,
-                origin,
-                np.ascontiguousarray(rays).reshape(-1),
-                chosen,
-                True,
-                -1,
-                geom,
-                distance,
-                None if normal is None else normal.reshape(-1),
-                count,
-                1e6,
-            )
-        return geom, distance, normal
+def _standing(thing: Thing, scene: Scene) -> Caster:
+    parts = tuple(Primitive(part.shape, part.half, part.at, part.rgb) for part in thing.parts)
+    caster = Caster.of_bodies((parts,))
+    place = np.array([[thing.x, thing.y, scene.terrain.height(thing.x, thing.y)]])
+    caster.place(place, np.array([[math.cos(thing.yaw / 2), 0.0, 0.0, math.sin(thing.yaw / 2)]]))
+    return caster
 
-    def _balls(self, people: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return centres (B, 3) and radii (B,) of balls around the people, then each part of each thing."""
-        solid = np.flatnonzero(
-            (self._model.geom_group == SOLID) & (self.class_of_geom[:-1] == MaskClass.OBSTACLE)
-        )
-        centres = np.vstack([np.zeros((people, 3)), self._data.geom_xpos[solid]])
-        return centres, np.concatenate([np.full(people, REACH_M), self._model.geom_rbound[solid]])
 
-    def _add_surfaces(self, spec: Any, scene: Scene) -> None:
-        kinds = self._mujoco.mjtGeom
-        rgba = (*scene.ground.rgb, 1.0)
-        terrain = scene.terrain
-        if terrain.is_flat:
-            spec.worldbody.add_geom(
-                name="ground", type=kinds.mjGEOM_PLANE, size=[0, 0, 1], rgba=rgba, group=SURFACE
-            )
-        else:
-            rows, columns = terrain.heights.shape
-            rise = float(np.ptp(terrain.heights))
-            spec.add_hfield(
-                name="terrain",
-                size=[terrain.half_m, terrain.half_m, rise, 0.5],
-                nrow=rows,
-                ncol=columns,
-                userdata=((terrain.heights - terrain.lowest_m) / rise).reshape(-1),
-            )
-            spec.worldbody.add_geom(
-                name="ground",
-                type=kinds.mjGEOM_HFIELD,
-                hfieldname="terrain",
-                pos=[0, 0, terrain.lowest_m],
-                rgba=rgba,
-                group=SURFACE,
-            )
-        if scene.wall_height_m:
-            half_x, half_y, tall = scene.half_x_m, scene.half_y_m, scene.wall_height_m / 2
-            for name, x, y in (("east", 1, 0), ("west", -1, 0), ("north", 0, 1), ("south", 0, -1)):
-                thick = WALL_THICKNESS_M / 2
-                spec.worldbody.add_geom(
-                    name=f"{name} wall",
-                    type=kinds.mjGEOM_BOX,
-                    size=[thick if x else half_x + 2 * thick, thick if y else half_y + 2 * thick, tall],
-                    pos=[x * (half_x + thick), y * (half_y + thick), tall],
-                    rgba=(*scene.wall_rgb, 1.0),
-                    group=SURFACE,
-                )
-
-    def _add_thing(self, spec: Any, scene: Scene, index: int) -> None:
-        kinds = self._mujoco.mjtGeom
-        shapes = {
-            "box": kinds.mjGEOM_BOX,
-            "cylinder": kinds.mjGEOM_CYLINDER,
-            "ellipsoid": kinds.mjGEOM_ELLIPSOID,
-        }
-        thing = self._things[index]
-        half_yaw = thing.yaw / 2
-        body = spec.worldbody.add_body(
-            name=f"thing {index}",
-            pos=[thing.x, thing.y, scene.terrain.height(thing.x, thing.y)],
-            quat=[math.cos(half_yaw), 0, 0, math.sin(half_yaw)],
-        )
-        for number, part in enumerate(thing.parts):
-            name = f"thing {index} part {number}"
-            self._windows[name] = part.windows
-            across, along, tall = part.half
-            size = [across, tall, 0.0] if part.shape == "cylinder" else [across, along, tall]
-            body.add_geom(
-                name=name, type=shapes[part.shape], size=size, pos=part.at, rgba=(*part.rgb, 1.0), group=SOLID
-            )
-
-    def _add_person(self, spec: Any, index: int) -> list[str]:
-        """Add a person and return the names of its bodies."""
-        kinds = self._mujoco.mjtGeom
-        shapes = {"capsule": kinds.mjGEOM_CAPSULE, "ellipsoid": kinds.mjGEOM_ELLIPSOID}
-        skin, hair = _SKIN_AND_HAIR[index % len(_SKIN_AND_HAIR)]
-        shirt, trousers = _CLOTHES[index % len(_CLOTHES)]
-        colours: dict[Role, Rgb] = {
-            "skin": skin,
-            "hair": hair,
-            "shirt": shirt,
-            "trousers": trousers,
-            "shoes": (0.10, 0.09, 0.09),
-        }
-        names = [f"person {index} limb {number}" for number in range(len(LIMBS))]
-        for name, limb in zip(names, LIMBS, strict=True):
-            body = spec.worldbody.add_body(name=name, mocap=True)
-            rgba = (*colours[limb.role], 1.0)
-            body.add_geom(name=name, type=shapes[limb.shape], size=limb.size, rgba=rgba, group=SOLID)
-        return names
+def _limbs(index: int) -> tuple[tuple[Primitive, ...], ...]:
+    """Return a person's limbs, each a body of its own, in the colours of the `index`-th person."""
+    skin, hair = _SKIN_AND_HAIR[index % len(_SKIN_AND_HAIR)]
+    shirt, trousers = _CLOTHES[index % len(_CLOTHES)]
+    colours: dict[Role, Rgb] = {
+        "skin": skin,
+        "hair": hair,
+        "shirt": shirt,
+        "trousers": trousers,
+        "shoes": (0.10, 0.09, 0.09),
+    }
+    return tuple((Primitive(limb.shape, limb.half, (0.0, 0.0, 0.0), colours[limb.role]),) for limb in LIMBS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -21,7 +22,7 @@ class TaskSettings:
     """The horizon."""
     mask_size: tuple[int, int] = (64, 64)
     """Height and width, px."""
-    fov_rad: float = 1.5707963267948966
+    fov_rad: float = math.pi / 2
     """Horizontal field of view."""
     substeps: int = 1
     """Steps of the body's dynamics in one step of the task."""

@@ -167,7 +167,6 @@ class World:
         for index, (walker, gait) in enumerate(zip(self._walkers, self._gaits, strict=True)):
             foot = (walker.x, walker.y, self.ground_z(walker.x, walker.y))
             self._stage.move_person(index, foot, walker.heading, gait)
-        self._stage.settle()
 
     def _room(self, robot: Pose | None, *, skip: int | None) -> Clearance:
         """Return the clearance of somebody who keeps away from obstacles, the robot and everybody else."""
@@ -180,7 +179,8 @@ class World:
 
         def clearance(points: Points) -> NDArray[np.float64]:
             apart = np.hypot(*(points[:, None, :] - centres).transpose(2, 0, 1)).min(axis=1) - PERSON_RADIUS_M
-            return np.minimum(self._walkable.clearance(points), apart)
+            clear: NDArray[np.float64] = np.minimum(self._walkable.clearance(points), apart)
+            return clear
 
         return clearance
 
