@@ -138,7 +138,8 @@ def write_bundle(
     path = folder / MANIFEST_NAME
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        path.unlink(missing_ok=True)
+        for name in (MANIFEST_NAME, POLICY_NAME, ENCODER_NAME, GOLDEN_NAME):
+            (folder / name).unlink(missing_ok=True)
         for name, data in contents.items():
             (folder / name).write_bytes(data)
         path.write_bytes(_sealed(manifest))

@@ -34,6 +34,7 @@ def test_writing_replaces_the_bundle_that_was_there(written, folder):
     parts = tiny.Parts("none")
     parts.write(folder)
     assert load_bundle(folder).manifest.interface == "none"
+    assert not (folder / "encoder.onnx").exists()
 
 
 def test_parts_that_make_no_bundle_leave_no_manifest(folder):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -102,6 +104,15 @@ def test_it_is_what_its_manifest_says_with_the_digest_of_every_file(policies):
         "golden.npz",
     }
     assert all(len(digest) == 64 for _, digest in info.sha256)
+
+
+def test_the_networks_run_on_the_callers_thread_alone(tmp_path):
+    tiny.Parts().write(tmp_path)
+    bundle, tasks = load_bundle(tmp_path), Path("/proc/self/task")
+    before = set(tasks.iterdir())
+    policy = OnnxPolicy(bundle)
+    run(policy, tiny.masks(5))
+    assert set(tasks.iterdir()) <= before
 
 
 @pytest.mark.parametrize("name", ["action", "z"])
