@@ -44,7 +44,8 @@ class MaskPainter:
         np.take(self._table, mask, axis=0, out=self._drawn, mode="clip")
         reduced = cv2.resize(self._drawn, (spec.size, spec.size), interpolation=cv2.INTER_LINEAR)
         planes = reduced.reshape(spec.size, spec.size, spec.channels).transpose(2, 0, 1)
-        return np.multiply(planes, np.float32(spec.scale), out=self._input)
+        np.multiply(planes, np.float32(spec.scale), out=self._input)
+        return self._input
 
 
 def colour_table(palette: Palette, seed: int) -> NDArray[np.uint8]:
