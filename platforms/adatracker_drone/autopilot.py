@@ -1,0 +1,265 @@
+"""A simulated PX4 on the wire: what it answers to MAVLink messages, and where it flies.
+
+Pure: decoded messages, the vehicle's true motion and the time go in; messages and a velocity demand come out.
+`commander` decides on arming and modes, `navigator` where a mode goes, `telemetry` what is told.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from pymavlink.dialects.v20 import common as mavlink
+
+from adatracker_drone.body import Power
+from adatracker_drone.commander import FORCE, Commander
+from adatracker_drone.estimator import Estimator
+from adatracker_drone.frames import rotate
+from adatracker_drone.motion import Motion, Velocity
+from adatracker_drone.navigator import NOTHING, Navigator, Ned, SetPoint
+from adatracker_drone.parameters import PARAMETERS, Parameters, from_wire, to_wire
+from adatracker_drone.px4 import Mode, Result
+from adatracker_drone.settings import SitlSettings
+from adatracker_drone.streams import STREAMS, Schedule
+from adatracker_drone.telemetry import Instant, Message
+
+SYSTEM, COMPONENT = 1, mavlink.MAV_COMP_ID_AUTOPILOT1
+
+_BATTERY_LASTS_S = 1200.0
+"""A 450-class quadrotor's flight on one charge."""
+_FRAMES = {
+    mavlink.MAV_FRAME_LOCAL_NED: False,
+    mavlink.MAV_FRAME_BODY_NED: True,
+    mavlink.MAV_FRAME_BODY_FRD: True,
+}
+"""Of set-points, and whether they turn with the heading."""
+
+
+class Autopilot:
+    """One vehicle's autopilot.
+
+    Args:
+        settings: of the simulated vehicle.
+        seed: of its estimation errors.
+        speed: times real time; link-loss times are scaled with it.
+
+    Raises:
+        UsageError: a parameter in the settings does not exist or is out of range.
+    """
+
+    def __init__(self, settings: SitlSettings, seed: int, speed: float = 1.0) -> None:
+        self.parameters = Parameters(settings.parameters)
+        self.commander = Commander(self.parameters, ekf_ready_s=settings.ekf_ready_s, speed=speed)
+        self._navigator = Navigator(self.parameters)
+        self._estimator = Estimator(settings, seed)
+        self._schedule = Schedule()
+        self._out: list[Message] = []
+        self._set_point = SetPoint()
+        self._estimate = Motion()
+        self._now_s = 0.0
+        self._navigated = Mode.HOLD
+
+    @property
+    def at_rest(self) -> bool:
+        """On the ground and disarmed."""
+        return self.commander.landed and not self.commander.armed
+
+    def power(self) -> Power:
+        """Return what the motors do."""
+        commander = self.commander
+        if not commander.armed:
+            return Power.OFF
+        if not commander.landed:
+            return Power.FLY
+        climbs = commander.mode is Mode.TAKEOFF or (
+            commander.mode is Mode.OFFBOARD
+            and self._navigator.demand(self._estimate, self._set_point).down < 0
+        )
+        return Power.FLY if climbs and commander.may_lift(self._now_s) else Power.IDLE
+
+    def step(self, truth: Motion, now_s: float) -> Velocity:
+        """Judge the situation at `now_s` since power-on; return the velocity to fly.
+
+        The demand is made from the estimate and then put right by the estimate's bias: a controller that holds
+        a velocity it believes in really flies that velocity less the error of its belief.
+        """
+        dt_s, self._now_s = now_s - self._now_s, now_s
+        self._estimate = self._estimator.measure(truth)
+        commander = self.commander
+        if not commander.landed:
+            commander.battery = max(0.0, commander.battery - dt_s / _BATTERY_LASTS_S)
+        commander.update(self._estimate, now_s)
+        if commander.mode is not self._navigated:
+            self._navigator.enter(commander.mode, self._estimate, commander.takeoff_altitude_m)
+            self._navigated = commander.mode
+            self._out.append(STREAMS[mavlink.MAVLINK_MSG_ID_HEARTBEAT][0](self._instant()))
+        while commander.texts:
+            severity, text = commander.texts.popleft()
+            self._out.append(mavlink.MAVLink_statustext_message(severity, text.encode()))
+        demand = self._navigator.demand(self._estimate, self._set_point)
+        north, east, down = self._estimator.bias_m_s
+        forward, right = rotate(north, east, -truth.heading)
+        return demand._replace(
+            forward=demand.forward - forward, right=demand.right - right, down=demand.down - down
+        )
+
+    def transmit(self) -> list[Message]:
+        """Return everything there is to send now."""
+        messages, self._out = self._out + self._schedule.due(self._instant()), []
+        return messages
+
+    def receive(self, message: Message) -> None:
+        """Take in one decoded message; what is for another vehicle, or not understood, is ignored."""
+        if getattr(message, "target_system", SYSTEM) not in (0, SYSTEM):
+            return
+        if getattr(message, "target_component", COMPONENT) not in (0, COMPONENT):
+            return
+        handler = _HANDLERS.get(message.get_type())
+        if handler is not None:
+            handler(self, message)
+
+    def _instant(self) -> Instant:
+        return Instant(
+            round(self._now_s * 1e9), self._estimate, self.commander, self.commander.ready(self._now_s)
+        )
+
+    def _on_command(self, message: Any) -> None:
+        command = _COMMANDS.get(message.command)
+        params = tuple(getattr(message, f"param{number}") for number in range(1, 8))
+        result = Result.UNSUPPORTED if command is None else command(self, params)
+        self._out.append(
+            mavlink.MAVLink_command_ack_message(
+                message.command, result, 255, 0, message.get_srcSystem(), message.get_srcComponent()
+            )
+        )
+
+    def _arm_disarm(self, params: tuple[float, ...]) -> Result:
+        force = params[1] == FORCE
+        if params[0] == 1:
+            return self.commander.arm(self._now_s, force=force)
+        if params[0] == 0:
+            return self.commander.disarm(force=force)
+        return Result.DENIED
+
+    def _take_off(self, _: tuple[float, ...]) -> Result:
+        return self.commander.takeoff(math.nan, self._now_s)
+
+    def _land(self, _: tuple[float, ...]) -> Result:
+        return self.commander.request(Mode.LAND, self._now_s)
+
+    def _return(self, _: tuple[float, ...]) -> Result:
+        return self.commander.request(Mode.RTL, self._now_s)
+
+    def _set_mode(self, params: tuple[float, ...]) -> Result:
+        base, main, sub = (_whole(param) for param in params[:3])
+        if base < 0 or not base & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
+            return Result.DENIED
+        try:
+            mode = Mode((main, sub if Mode.HOLD.value[0] == main else 0))
+        except ValueError:
+            return Result.UNSUPPORTED
+        return self.commander.request(mode, self._now_s)
+
+    def _set_interval(self, params: tuple[float, ...]) -> Result:
+        known = self._schedule.set_interval(_whole(params[0]), params[1])
+        return Result.ACCEPTED if known else Result.DENIED
+
+    def _request_message(self, params: tuple[float, ...]) -> Result:
+        stream = STREAMS.get(_whole(params[0]))
+        if stream is None:
+            return Result.UNSUPPORTED
+        self._out.append(stream[0](self._instant()))
+        return Result.ACCEPTED
+
+    def _on_local_target(self, message: Any) -> None:
+        level_body = _FRAMES.get(message.coordinate_frame)
+        if level_body is None:
+            return
+
+        def unless(bit: int, value: float) -> float:
+            return math.nan if message.type_mask & bit else value
+
+        place = Ned(unless(1, message.x), unless(2, message.y), unless(4, message.z))
+        set_point = SetPoint(
+            position=NOTHING if level_body else place,
+            velocity=Ned(unless(8, message.vx), unless(16, message.vy), unless(32, message.vz)),
+            level_body=level_body,
+            heading=unless(1024, message.yaw),
+            yaw_rate=unless(2048, message.yaw_rate),
+        )
+        if set_point.asks:
+            self._set_point = set_point
+            self.commander.heard_set_point(self._now_s)
+
+    def _on_param_list(self, _: Any) -> None:
+        for name in PARAMETERS:
+            self._tell_parameter(name)
+
+    def _on_param_read(self, message: Any) -> None:
+        names = list(PARAMETERS)
+        by_index = 0 <= message.param_index < len(names)
+        self._tell_parameter(names[message.param_index] if by_index else message.param_id)
+
+    def _on_param_set(self, message: Any) -> None:
+        entry = PARAMETERS.get(message.param_id)
+        if entry is not None and message.param_type == entry.kind:
+            self.parameters.set(message.param_id, from_wire(entry.kind, message.param_value))
+        self._tell_parameter(message.param_id)  # the value it has now, changed or not, is the answer
+
+    def _tell_parameter(self, name: str) -> None:
+        if name not in PARAMETERS:
+            return
+        kind = PARAMETERS[name].kind
+        value = to_wire(kind, self.parameters[name])
+        self._out.append(
+            mavlink.MAVLink_param_value_message(
+                name.encode(), value, kind, len(PARAMETERS), list(PARAMETERS).index(name)
+            )
+        )
+
+    def _on_mission_list(self, message: Any) -> None:
+        self._out.append(
+            mavlink.MAVLink_mission_count_message(
+                message.get_srcSystem(), message.get_srcComponent(), 0, message.mission_type
+            )
+        )
+
+    def _on_ping(self, message: Any) -> None:
+        if message.target_system == 0:  # a request; anything else is somebody's answer
+            self._out.append(
+                mavlink.MAVLink_ping_message(
+                    message.time_usec, message.seq, message.get_srcSystem(), message.get_srcComponent()
+                )
+            )
+
+    def _on_timesync(self, message: Any) -> None:
+        if message.tc1 == 0:
+            self._out.append(mavlink.MAVLink_timesync_message(round(self._now_s * 1e9), message.ts1))
+
+
+def _whole(value: float) -> int:
+    """Return a parameter that is a number of something, or -1."""
+    return int(value) if math.isfinite(value) else -1
+
+
+_HANDLERS: dict[str, Callable[[Autopilot, Any], None]] = {
+    "COMMAND_LONG": Autopilot._on_command,
+    "SET_POSITION_TARGET_LOCAL_NED": Autopilot._on_local_target,
+    "PARAM_REQUEST_LIST": Autopilot._on_param_list,
+    "PARAM_REQUEST_READ": Autopilot._on_param_read,
+    "PARAM_SET": Autopilot._on_param_set,
+    "MISSION_REQUEST_LIST": Autopilot._on_mission_list,
+    "PING": Autopilot._on_ping,
+    "TIMESYNC": Autopilot._on_timesync,
+}
+
+_COMMANDS: dict[int, Callable[[Autopilot, tuple[float, ...]], Result]] = {
+    mavlink.MAV_CMD_COMPONENT_ARM_DISARM: Autopilot._arm_disarm,
+    mavlink.MAV_CMD_NAV_TAKEOFF: Autopilot._take_off,
+    mavlink.MAV_CMD_NAV_LAND: Autopilot._land,
+    mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: Autopilot._return,
+    mavlink.MAV_CMD_DO_SET_MODE: Autopilot._set_mode,
+    mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: Autopilot._set_interval,
+    mavlink.MAV_CMD_REQUEST_MESSAGE: Autopilot._request_message,
+}

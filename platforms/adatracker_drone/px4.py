@@ -1,0 +1,62 @@
+"""PX4's flight modes, and how a command can be answered.
+
+From PX4 v1.15 (`px4_custom_mode.h`, Commander) and MAVLink's common.xml.
+"""
+
+from __future__ import annotations
+
+import enum
+
+
+class Mode(enum.Enum):
+    """A flight mode: PX4's custom main mode and sub mode."""
+
+    MANUAL = (1, 0)
+    POSCTL = (3, 0)
+    TAKEOFF = (4, 2)
+    HOLD = (4, 3)
+    RTL = (4, 5)
+    LAND = (4, 6)
+    OFFBOARD = (6, 0)
+
+    @property
+    def custom_mode(self) -> int:
+        """The number in HEARTBEAT: main mode in bits 16 to 23, sub mode in bits 24 to 31."""
+        main, sub = self.value
+        return (main << 16) | (sub << 24)
+
+    @property
+    def is_auto(self) -> bool:
+        """Tell whether the autopilot navigates by itself."""
+        return self.value[0] == 4
+
+
+class Result(enum.IntEnum):
+    """MAV_RESULT."""
+
+    ACCEPTED = 0
+    REFUSED_NOW = 1
+    """TEMPORARILY_REJECTED: what PX4 answers when an arming check or a mode's requirement fails."""
+    DENIED = 2
+    UNSUPPORTED = 3
+
+
+class Landed(enum.IntEnum):
+    """MAV_LANDED_STATE."""
+
+    ON_GROUND = 1
+    IN_AIR = 2
+    TAKING_OFF = 3
+    LANDING = 4
+
+
+class Severity(enum.IntEnum):
+    """MAV_SEVERITY of the texts that a ground station shows."""
+
+    CRITICAL = 2
+    WARNING = 4
+    INFO = 6
+
+
+LOSS_ACTIONS = {0: Mode.POSCTL, 1: Mode.POSCTL, 2: Mode.POSCTL, 3: Mode.RTL, 4: Mode.LAND, 5: Mode.HOLD}
+"""COM_OBL_RC_ACT: 0 position, 1 altitude and 2 manual mode are one here, for nobody holds the sticks."""

@@ -1,0 +1,279 @@
+"""The simulated far end: a JSBSim quadrotor behind PX4's dialect of MAVLink, in a process of its own.
+
+``DroneSitl`` starts it for a rehearsal. By hand, for a ground station or a script of one's own::
+
+    python -m adatracker_drone.sitl --port 14540 --gcs udpout:127.0.0.1:14550
+
+It sends to the given UDP port of this machine from a port of its own, as PX4's simulator does.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import dataclasses
+import importlib.util
+import json
+import math
+import re
+import select
+import socket
+import subprocess
+import sys
+import threading
+import time
+from typing import TYPE_CHECKING, Any
+
+from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.platform import Sitl, Twist
+from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_deploy.schema import parse
+from adatracker_drone.protocol import check_url
+from adatracker_drone.settings import SitlSettings
+
+if TYPE_CHECKING:
+    from adatracker_deploy.profile import Profile
+    from adatracker_deploy.runtime.clock import Clock
+    from adatracker_drone.autopilot import Autopilot
+    from adatracker_drone.body import DroneBody
+
+BATCH_S = 0.004
+"""Machine time between two looks at the sockets."""
+LONGEST_LAG_S = 0.25
+"""A process that was kept from running for longer skips the time instead of rushing through it."""
+LINGER_S = 60.0
+"""After its lifeline has ended the vehicle has so long, in machine time, to come to rest."""
+START_TIMEOUT_S = 20.0
+_ANY_PORT = re.compile(r"(udpin://127\.0\.0\.1):0")
+_GCS = re.compile(r"udpout:([0-9.]+):(\d+)")
+
+
+class DroneSitl(Sitl):
+    """Starts the far end behind a profile's ``udpin://`` URL; port 0 there means any free one."""
+
+    def __init__(self, profile: Profile) -> None:
+        self._profile = profile
+        self._process: subprocess.Popen[str] | None = None
+
+    def start(self, clock: Clock, seed: int) -> Profile:
+        """Start the far end and wait until it is up.
+
+        Raises:
+            UsageError: the port is in use, the URL is no ``udpin://``, or the sitl extra is missing.
+            PlatformError: the process did not come up.
+        """
+        for library in ("jsbsim", "pymavlink"):
+            if importlib.util.find_spec(library) is None:
+                raise UsageError(f"a simulated drone needs {library}: pip install 'adatracker-deploy[sitl]'")
+        url, port = _free_address(self._profile.connection.url)
+        settings = json.dumps(dataclasses.asdict(self._profile.sitl))
+        epoch_ns = clock.epoch_ns if isinstance(clock, MonotonicClock) else time.monotonic_ns()
+        self._process = subprocess.Popen(
+            [
+                *(sys.executable, "-m", "adatracker_drone.sitl", "--lifeline"),
+                *("--port", str(port), "--seed", str(seed), "--settings", settings),
+                *("--speed", repr(clock.speed), "--epoch-ns", str(epoch_ns)),
+            ],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            start_new_session=True,  # a Ctrl-C in the terminal must not take the vehicle out of the air
+        )
+        self._await_ready(self._process)
+        connection = dataclasses.replace(self._profile.connection, url=url)
+        return dataclasses.replace(self._profile, connection=connection)
+
+    def close(self) -> None:
+        """End the lifeline; the vehicle lands, if its fail-safe has not already, and the process ends."""
+        process, self._process = self._process, None
+        if process is None or process.stdin is None or process.stdout is None:
+            return
+        process.stdin.close()
+        try:
+            process.wait(LINGER_S + 5)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+        process.stdout.close()
+
+    def _await_ready(self, process: subprocess.Popen[str]) -> None:
+        """Wait for the one line that says that the far end is up."""
+        assert process.stdout is not None
+        timer = threading.Timer(START_TIMEOUT_S, process.kill)
+        timer.start()
+        try:
+            line = process.stdout.readline()
+        finally:
+            timer.cancel()
+        if not line.startswith('{"ready"'):
+            self.close()
+            raise PlatformError(f"the simulated drone did not start: {line.strip() or 'see its error above'}")
+
+
+def _free_address(url: str) -> tuple[str, int]:
+    """Return the URL and its UDP port, which nobody else has bound.
+
+    Raises:
+        UsageError: it is in use; without this look two programs would share it, and each miss half.
+    """
+    if match := _ANY_PORT.fullmatch(url):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            probe.bind(("127.0.0.1", 0))
+            port = probe.getsockname()[1]
+        return f"{match[1]}:{port}", port
+    address = check_url(url)
+    if address is None:
+        raise UsageError(f"connection.url {url!r}: a simulated drone is reached by udpin://127.0.0.1:PORT")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind(address)
+        except OSError as error:
+            raise UsageError(
+                f"UDP port {address[1]} is in use: stop the program that holds it (a ground station, another "
+                "rehearsal), or give another connection.url in the profile"
+            ) from error
+    return url, address[1]
+
+
+class _Wire:
+    """One UDP link with its own MAVLink parser."""
+
+    def __init__(self, address: tuple[str, int]) -> None:
+        from pymavlink.dialects.v20 import common as mavlink
+
+        from adatracker_drone.autopilot import COMPONENT, SYSTEM
+
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.setblocking(False)
+        self.socket.bind(("127.0.0.1" if address[0].startswith("127.") else "0.0.0.0", 0))
+        self._address = address
+        self._mavlink = mavlink.MAVLink(None, srcSystem=SYSTEM, srcComponent=COMPONENT)
+        self._mavlink.robust_parsing = True
+
+    def receive(self) -> list[Any]:
+        """Return the decoded messages that have come in; bytes that are no message are dropped."""
+        messages: list[Any] = []
+        with contextlib.suppress(BlockingIOError, ConnectionRefusedError):
+            while True:
+                data = self.socket.recv(65535)
+                try:
+                    messages += self._mavlink.parse_buffer(data) or []
+                except Exception:  # whatever a hostile datagram provokes in the parser ends with it
+                    self._mavlink.buf_index, self._mavlink.buf = 0, bytearray()
+        return messages
+
+    def send(self, messages: list[Any]) -> None:
+        """Send each message in a datagram of its own; a full or absent receiver loses it."""
+        for message in messages:
+            with contextlib.suppress(BlockingIOError, ConnectionRefusedError):
+                self.socket.sendto(message.pack(self._mavlink), self._address)
+
+
+class _Vehicle:
+    """The body, its autopilot and its wires, stepped together in simulated time."""
+
+    def __init__(self, body: DroneBody, autopilot: Autopilot, wires: list[_Wire]) -> None:
+        self._body, self.autopilot, self._wires = body, autopilot, wires
+        self.now_s = 0.0
+
+    def advance(self, until_s: float, step_s: float) -> None:
+        """Hear, fly and tell, up to a time since power-on."""
+        for wire in self._wires:
+            for message in wire.receive():
+                self.autopilot.receive(message)
+        while self.now_s + step_s <= until_s:
+            self.now_s += step_s
+            demand = self.autopilot.step(self._body.motion, self.now_s)
+            self._body.power = self.autopilot.power()
+            self._body.step(Twist(demand.forward, -demand.right, -demand.down, -demand.yaw_rate), step_s)
+            messages = self.autopilot.transmit()
+            for wire in self._wires:
+                wire.send(messages)
+
+    def wait(self, timeout_s: float) -> None:
+        """Wait for a message, at most so long in machine time."""
+        select.select([wire.socket for wire in self._wires], [], [], max(0.0, timeout_s))
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the far end until it is told to end; return the exit status."""
+    args = _arguments().parse_args(argv)
+    try:
+        settings = parse(SitlSettings, json.loads(args.settings), where="settings")
+        gcs = _gcs_address(args.gcs or settings.gcs)
+        vehicle = _power_on(settings, args.seed, args.speed, [("127.0.0.1", args.port), *gcs])
+    except (UsageError, json.JSONDecodeError) as error:
+        print(error, flush=True)
+        return 2
+    lifeline_ended = threading.Event()
+    if args.lifeline:
+        threading.Thread(target=_outlive_stdin, args=(lifeline_ended,), daemon=True).start()
+    print(json.dumps({"ready": {"port": args.port, "gcs": gcs}}), flush=True)
+    with contextlib.suppress(KeyboardInterrupt):
+        _serve(vehicle, MonotonicClock(args.speed, args.epoch_ns), lifeline_ended)
+    return 0
+
+
+def _outlive_stdin(ended: threading.Event) -> None:
+    sys.stdin.read()
+    ended.set()
+
+
+def _power_on(settings: SitlSettings, seed: int, speed: float, addresses: list[tuple[str, int]]) -> _Vehicle:
+    from adatracker_deploy.geometry import Pose
+    from adatracker_drone.autopilot import Autopilot
+    from adatracker_drone.body import DroneBody
+
+    body = DroneBody(settings)
+    body.reset(Pose(yaw=math.radians(settings.yaw_deg)), seed)
+    autopilot = Autopilot(settings, seed, speed)
+    return _Vehicle(body, autopilot, [_Wire(address) for address in addresses])
+
+
+def _serve(vehicle: _Vehicle, clock: MonotonicClock, lifeline_ended: threading.Event) -> None:
+    from adatracker_drone.body import STEP_S
+
+    power_on_ns = clock.now_ns()
+    batch_ns = round(max(BATCH_S * clock.speed, STEP_S) * 1e9)
+    deadline_ns = power_on_ns
+    give_up_s: float | None = None
+    while True:
+        behind_s = (clock.now_ns() - power_on_ns) / 1e9 - vehicle.now_s
+        if behind_s > LONGEST_LAG_S * clock.speed:
+            power_on_ns += round(behind_s * 1e9)
+        vehicle.advance((clock.now_ns() - power_on_ns) / 1e9, STEP_S)
+        if lifeline_ended.is_set():
+            give_up_s = give_up_s or time.monotonic() + LINGER_S
+            if vehicle.autopilot.at_rest or time.monotonic() > give_up_s:
+                return
+        deadline_ns = max(deadline_ns + batch_ns, clock.now_ns())
+        vehicle.wait((deadline_ns - clock.now_ns()) / 1e9 / clock.speed)
+
+
+def _gcs_address(text: str) -> list[tuple[str, int]]:
+    if not text:
+        return []
+    match = _GCS.fullmatch(text)
+    if match is None or not 0 < int(match[2]) < 2**16:
+        raise UsageError(f"gcs {text!r}: expected udpout:ADDRESS:PORT, for example udpout:127.0.0.1:14550")
+    return [(match[1], int(match[2]))]
+
+
+def _arguments() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m adatracker_drone.sitl", description="A simulated PX4 drone."
+    )
+    parser.add_argument("--port", type=int, default=14540, help="UDP port of this machine to send to")
+    parser.add_argument("--gcs", default="", help="a second link: udpout:ADDRESS:PORT")
+    parser.add_argument("--seed", type=int, default=0, help="of estimation errors and wind")
+    parser.add_argument("--settings", default="{}", help="the profile's sitl: section, as JSON")
+    parser.add_argument("--speed", type=float, default=1.0, help="times real time")
+    parser.add_argument("--epoch-ns", type=int, default=time.monotonic_ns(), help="of the shared clock")
+    parser.add_argument(
+        "--lifeline", action="store_true", help="end when stdin does and the drone is at rest"
+    )
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())
