@@ -8,15 +8,20 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import NoReturn
 
 from adatracker_deploy.errors import UsageError
 
 
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise UsageError(f"{message}; see {self.prog} --help")
+
+
 def main(argv: list[str] | None = None) -> int:
     """Export; return 0 done, 2 a wrong request with one line on stderr."""
-    args = _parser().parse_args(argv)
     try:
-        print(_export(args))
+        print(_export(_parser().parse_args(argv)))
     except UsageError as error:
         print(f"export_onnx: {error}", file=sys.stderr)
         return 2
@@ -24,7 +29,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="export_onnx.py", description=(__doc__ or "").partition("\n")[0])
+    parser = _Parser(prog="export_onnx.py", description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("checkpoint", type=Path, help="AdaTracker checkpoint or the Offline-EVT state dict")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="the bundle's folder")
     parser.add_argument(

@@ -122,7 +122,7 @@ def _load(path: Path) -> Any:
             f"{path}: holds more than tensors and plain values, or is no checkpoint, so it is not loaded; "
             "save the state dict alone"
         ) from error
-    except (RuntimeError, EOFError, OSError, ValueError, KeyError) as error:
+    except Exception as error:  # its unpickler raises whatever the bytes make it stumble over
         raise UsageError(
             f"{path}: not a checkpoint that torch can read; is the download complete?"
         ) from error

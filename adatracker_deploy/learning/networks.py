@@ -8,6 +8,7 @@ B is the batch, T and K are lengths in time.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -15,7 +16,6 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from adatracker_deploy.errors import UsageError
 from adatracker_deploy.schema import Range
 
 LstmState = tuple[Tensor, Tensor]
@@ -32,7 +32,7 @@ class AdaTrackerConfig:
 
     channels: Literal[1, 3] = 3
     size: Annotated[int, Range(16, 256)] = 64
-    """Side of the square mask, pixels, a multiple of 16; 64 as in the published Offline-EVT policy."""
+    """Side of the square mask, pixels; 64 as in the published Offline-EVT policy."""
     actions: Annotated[int, Range(1, 4)] = 2
     history: Annotated[int, Range(1, 256)] = 16
     """K: 1.6 s at 10 Hz, several times the lag of a robot's base (0.1 to 0.4 s)."""
@@ -45,10 +45,6 @@ class AdaTrackerConfig:
     """H of the policy's LSTM; 64 as in the published Offline-EVT policy."""
     actor: Annotated[int, Range(1, 4096)] = 128
     """Width of the actor's hidden layer."""
-
-    def __post_init__(self) -> None:
-        if self.size % 16:
-            raise UsageError(f"size must be a multiple of 16, got {self.size}")
 
 
 class Backbone(nn.Module):
@@ -64,7 +60,8 @@ class Backbone(nn.Module):
         self.patches = nn.Conv2d(config.channels, 32, 4, stride=4)
         self.conv1 = nn.Conv2d(32, 48, 3, stride=2, padding=1)
         self.conv2 = nn.Conv2d(48, 64, 3, stride=2, padding=1)
-        self.project = nn.Linear(64 * (config.size // 16) ** 2, config.features)
+        side = math.ceil(config.size // 4 / 4)  # the patches' rows and columns, halved twice
+        self.project = nn.Linear(64 * side**2, config.features)
 
     def forward(self, mask: Tensor) -> Tensor:
         """Return the features, non-negative."""

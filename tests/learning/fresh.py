@@ -1,0 +1,60 @@
+"""Untrained checkpoints that are small, and loud: every input tells in every answer."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import torch
+
+from adatracker_deploy.learning.checkpoint import AdaTracker, CheckpointMeta, save_checkpoint
+from adatracker_deploy.learning.networks import (
+    AdaTrackerConfig,
+    ContextEncoder,
+    ContextPolicy,
+    OfflineEvtPolicy,
+)
+from adatracker_deploy.policy.base import ActionAxis
+from adatracker_deploy.policy.manifest import MaskSpec, Palette
+
+CONFIG = AdaTrackerConfig(size=32, history=5, features=12, context=4, encoder_hidden=10, hidden=8, actor=16)
+META = CheckpointMeta(
+    name="fresh",
+    mask=MaskSpec(
+        size=CONFIG.size,
+        channels=CONFIG.channels,
+        draw_size=80,
+        scale=1 / 255,
+        palette=Palette(background=(0, 0, 0), target=(255, 0, 0), person=(0, 255, 0), obstacle="random"),
+    ),
+    action=(ActionAxis(axis="forward"), ActionAxis(axis="yaw", sign=-1)),
+    rate_hz=10.0,
+    training="Not trained.",
+    licence="Apache-2.0",
+)
+
+
+def _loud(module: torch.nn.Module) -> None:
+    with torch.no_grad():
+        for weight in module.parameters():
+            weight.mul_(2.0)
+
+
+def adatracker(seed: int = 0) -> AdaTracker:
+    torch.manual_seed(seed)
+    encoder, policy = ContextEncoder(CONFIG).eval(), ContextPolicy(CONFIG).eval()
+    _loud(encoder)
+    _loud(policy)
+    return AdaTracker(encoder, policy, META)
+
+
+def save_adatracker(path: Path, seed: int = 0, meta: CheckpointMeta = META) -> Path:
+    checkpoint = adatracker(seed)
+    save_checkpoint(path, checkpoint.encoder, checkpoint.policy, meta)
+    return path
+
+
+def save_offline_evt(path: Path) -> Path:
+    torch.manual_seed(0)
+    critic = {"critic1.fc1.weight": torch.zeros(256, 66)}
+    torch.save(OfflineEvtPolicy().state_dict() | critic, path)
+    return path

@@ -1,0 +1,180 @@
+"""An exported bundle answers as its checkpoint does in torch, and says so; else nothing is written."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from torch.nn import functional
+
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.learning.checkpoint import OFFLINE_EVT
+from adatracker_deploy.learning.export import export_checkpoint, largest_difference
+from adatracker_deploy.learning.rollout import rollout, walking_masks
+from adatracker_deploy.policy.bundle import load_bundle, write_bundle
+from adatracker_deploy.policy.onnx_policy import OnnxPolicy
+from tests.learning import fresh
+
+ROOT = Path(__file__).parents[2]
+PUBLISHED = ROOT.parent / "shared" / "data" / "offline_evt_public.pth"
+TICKS = 30
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("export")
+
+
+@pytest.fixture(scope="module")
+def checkpoint(folder):
+    return fresh.save_adatracker(folder / "fresh.pt")
+
+
+@pytest.fixture(scope="module", params=["streaming", "window"])
+def bundle(request, folder, checkpoint):
+    out = folder / request.param
+    export_checkpoint(checkpoint, out, interface=request.param)
+    return load_bundle(out)
+
+
+def answers(policy, masks):
+    policy.reset()
+    steps = [policy.step(mask) for mask in masks]
+    return np.array([action for action, _ in steps]), np.array([z for _, z in steps])
+
+
+def test_onnxruntime_answers_as_torch_on_masks_that_were_not_exported(bundle):
+    masks = walking_masks(fresh.META.mask, TICKS, seed=1)
+    wanted = rollout(fresh.adatracker(), masks)
+    actions, contexts = answers(OnnxPolicy(bundle), masks)
+    np.testing.assert_allclose(actions, wanted["action"], atol=1e-5)
+    np.testing.assert_allclose(contexts, wanted["z"], atol=1e-5)
+
+
+def test_the_golden_vectors_move_every_number_far_beyond_their_tolerance(bundle):
+    for name in ("action", "z"):
+        assert (np.ptp(bundle.golden[name], axis=0) > 1e-2).all(), name
+
+
+def test_the_manifest_says_what_the_checkpoint_said(bundle):
+    manifest = bundle.manifest
+    assert (manifest.history, manifest.context) == (fresh.CONFIG.history, fresh.CONFIG.context)
+    assert (manifest.name, manifest.mask, manifest.action) == ("fresh", fresh.META.mask, fresh.META.action)
+    assert (manifest.rate_hz, manifest.licence) == (fresh.META.rate_hz, fresh.META.licence)
+    assert largest_difference(bundle) < 1e-5
+
+
+def test_the_graphs_hold_no_paths_and_no_source_lines(bundle):
+    for model in (bundle.encoder, bundle.policy):
+        for trace in (b".py", b"stack_trace", b"site-packages", str(ROOT).encode()):
+            assert trace not in model
+
+
+def test_a_bundle_whose_golden_vectors_differ_is_refused(bundle, tmp_path):
+    wrong = {name: array.copy() for name, array in bundle.golden.items()}
+    wrong["action"][-1, 0] += 1e-3
+    manifest = replace(bundle.manifest, files={})
+    write_bundle(tmp_path, manifest, encoder=bundle.encoder, policy=bundle.policy, golden=wrong)
+    with pytest.raises(UsageError, match=r"action differs by 0\.001 at tick 23"):
+        OnnxPolicy(load_bundle(tmp_path))
+
+
+def test_name_rate_and_licence_can_be_given(checkpoint, tmp_path):
+    manifest = export_checkpoint(checkpoint, tmp_path / "b", name="mine", rate_hz=20, licence="MIT")
+    assert (manifest.name, manifest.rate_hz, manifest.licence) == ("mine", 20.0, "MIT")
+    assert manifest.interface == "streaming"
+
+
+def test_a_folder_in_use_is_left_alone_unless_forced(checkpoint, tmp_path):
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(UsageError, match="--force"):
+        export_checkpoint(checkpoint, tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
+    export_checkpoint(checkpoint, tmp_path, force=True)
+    OnnxPolicy(load_bundle(tmp_path))
+    assert (tmp_path / "notes.txt").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("settings", "reason"),
+    [({"rate_hz": 0.0}, "rate_hz: 0.0 is out of range"), ({"rate_hz": float("nan")}, "finite")],
+)
+def test_a_wrong_setting_is_refused_and_nothing_written(checkpoint, tmp_path, settings, reason):
+    with pytest.raises(UsageError, match=reason):
+        export_checkpoint(checkpoint, tmp_path / "b", **settings)
+    assert not (tmp_path / "b").exists()
+
+
+def test_offline_evt_takes_no_encoder_interface(tmp_path):
+    path = fresh.save_offline_evt(tmp_path / "evt.pth")
+    with pytest.raises(UsageError, match="has no context encoder"):
+        export_checkpoint(path, tmp_path / "b", interface="streaming")
+    assert not (tmp_path / "b").exists()
+
+
+def evt_by_hand(weights, masks):
+    """Compute Offline EVT from its published weights, with the LSTM written out."""
+
+    def convolved(x, layer, padding):
+        name = f"CNN_LSTM.CNN_Simple.{layer}"
+        x = functional.conv2d(x, weights[f"{name}.weight"], weights[f"{name}.bias"], padding=padding)
+        return functional.max_pool2d(x, 2).relu()
+
+    def linear(x, name, suffix=""):
+        return weights[f"{name}weight{suffix}"] @ x + weights[f"{name}bias{suffix}"]
+
+    h, c, actions = torch.zeros(64), torch.zeros(64), []
+    for mask in torch.from_numpy(masks):
+        x = convolved(convolved(mask[None], "conv1", 2), "conv2", 1)
+        x = convolved(convolved(x, "conv3", 1), "conv4", 1).flatten()
+        i, f, g, o = (linear(x, "CNN_LSTM.lstm.", "_ih_l0") + linear(h, "CNN_LSTM.lstm.", "_hh_l0")).chunk(4)
+        c = f.sigmoid() * c + i.sigmoid() * g.tanh()
+        h = o.sigmoid() * c.tanh()
+        x = linear(linear(h, "actor_local.fc1.").relu(), "actor_local.fc2.").relu()
+        actions.append(linear(x, "actor_local.mu.").tanh())
+    return torch.stack(actions).numpy()
+
+
+def exported_evt_answers_by_hand(path, out):
+    manifest = export_checkpoint(path, out)
+    assert manifest.interface == "none"
+    masks = walking_masks(OFFLINE_EVT.mask, TICKS, seed=2)
+    actions, _ = answers(OnnxPolicy(load_bundle(out)), masks)
+    wanted = evt_by_hand(torch.load(path, map_location="cpu", weights_only=True), masks)
+    np.testing.assert_allclose(actions, wanted, atol=1e-4)
+    return actions
+
+
+def test_offline_evt_answers_as_written_out_by_hand(tmp_path):
+    exported_evt_answers_by_hand(fresh.save_offline_evt(tmp_path / "evt.pth"), tmp_path / "bundle")
+
+
+@pytest.mark.skipif(not PUBLISHED.exists(), reason="the published checkpoint is not here: it has no licence")
+def test_the_published_checkpoint_answers_as_written_out_by_hand(tmp_path):
+    actions = exported_evt_answers_by_hand(PUBLISHED, tmp_path)
+    assert np.ptp(actions, axis=0).min() > 0.1
+
+
+def tool(*arguments):
+    script = ROOT / "tools" / "export_onnx.py"
+    return subprocess.run([sys.executable, script, *arguments], capture_output=True, text=True, check=False)
+
+
+def test_the_tool_exports_and_sums_up(checkpoint, tmp_path):
+    done = tool(checkpoint, "--out", tmp_path / "b", "--interface", "window")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "window, history 5, context 4" in done.stdout
+    assert "+forward, -yaw" in done.stdout
+    OnnxPolicy(load_bundle(tmp_path / "b"))
+
+
+@pytest.mark.parametrize("arguments", [("missing.pt", "--out", "b"), ("missing.pt",)])
+def test_the_tool_refuses_in_one_line_with_status_2(tmp_path, arguments):
+    done = tool(*arguments)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.count("\n") == 1
