@@ -66,8 +66,8 @@ class KinematicBody(GroundBody):
         self._now_s += dt_s
         before = self._velocity
         share = 1.0 - math.exp(-dt_s / self.settings.lag_s) if self.settings.lag_s > 0 else 1.0
-        vx = before.vx + share * (self._command.vx - before.vx)
-        yaw_rate = before.yaw_rate + share * (self._command.yaw_rate - before.yaw_rate)
+        vx = share * self._command.vx + (1.0 - share) * before.vx
+        yaw_rate = share * self._command.yaw_rate + (1.0 - share) * before.yaw_rate
         self._velocity = Twist(vx=vx, yaw_rate=yaw_rate)
         turn = yaw_rate * dt_s
         ahead = vx * dt_s * math.cos(self._pose.pitch)

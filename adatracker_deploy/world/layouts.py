@@ -94,7 +94,7 @@ def urban_city(rng: np.random.Generator) -> Scene:
         things.crate(x, y, 0.0, (0.7, 0.7, 1.1), (0.20, 0.36, 0.30))
         if rng.random() < 0.5
         else things.car(x, y, 0.0, _pick(rng, _PAINTS))
-        for x, y in ((-5.0, 4.9), (4.0, 4.9), (-4.0, -4.9), (5.0, -4.9))
+        for x, y in ((-5.0, 5.6), (4.0, 5.6), (-4.0, -5.6), (5.0, -5.6))
     ]
     rows = [
         things.house(x, y, (13.0, 10.0, rng.uniform(9.0, 21.0)), _pick(rng, _PLASTER))
@@ -120,7 +120,7 @@ def urban_city(rng: np.random.Generator) -> Scene:
 def urban_road(rng: np.random.Generator) -> Scene:
     """A long road between trees and houses, with lamp posts on its middle line."""
     trees = [
-        things.tree(x, y + rng.uniform(-0.2, 0.2), rng.uniform(0.8, 1.1), _GREEN)
+        things.tree(x, y + rng.uniform(-0.2, 0.2), rng.uniform(0.9, 1.1), _GREEN)
         for x in np.arange(-36.0, 37.0, 8.0).tolist()
         for y in (-7.2, 7.2)
     ]

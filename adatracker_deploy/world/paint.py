@@ -63,7 +63,7 @@ def _ground(ground: Ground, point: Array, distance: Array) -> Array:
     if ground.pattern == "lanes":
         across = np.abs((y + ground.period_m / 2) % ground.period_m - ground.period_m / 2)
         line = (across < _LANE_HALF_WIDTH_M) & (x % 4.0 < 2.4)
-        return _mix(first, second, line * np.exp(-distance / _LINE_FADES_M))
+        return _mix(first, second, np.where(line, np.exp(-distance / _LINE_FADES_M), 0.0))
     column, row = np.floor(x / ground.period_m), np.floor(y / ground.period_m)
     if ground.pattern == "checker":
         share = (column + row) % 2.0

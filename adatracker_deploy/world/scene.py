@@ -43,14 +43,15 @@ class Thing:
         for part in self.parts:
             across, along, tall = part.half
             px, py, pz = part.at
-            box = part.shape == "box"
+            # An ellipse is taken for the stadium around it, which for a circle is the circle.
+            radius = 0.0 if part.shape == "box" else min(across, along)
             yield Solid(
                 x=self.x + cos * px - sin * py,
                 y=self.y + sin * px + cos * py,
                 yaw=self.yaw,
-                half_x=across if box else 0.0,
-                half_y=along if box else 0.0,
-                radius=0.0 if box else max(across, along),
+                half_x=across - radius,
+                half_y=along - radius,
+                radius=radius,
                 bottom=base_m + pz - tall,
                 top=base_m + pz + tall,
             )

@@ -30,8 +30,7 @@ class Terrain:
     def height(self, x: float, y: float) -> float:
         """Return the ground's height, m, on the same triangles that MuJoCo casts its rays against.
 
-        MuJoCo splits each cell of a height field along the diagonal from its (low x, low y) corner's
-        neighbour at high x to the one at high y, see `mj_rayHfield`.
+        MuJoCo splits each cell of a height field along the diagonal from its corner at low x and low y.
         """
         if self.is_flat:
             return 0.0
@@ -41,9 +40,9 @@ class Terrain:
         c, r = min(int(column), last - 1), min(int(row), last - 1)
         u, v = column - c, row - r
         (low, right), (up, high) = self.heights[r : r + 2, c : c + 2].tolist()
-        if u + v <= 1.0:
-            return float(low + u * (right - low) + v * (up - low))
-        return float(high + (1.0 - u) * (up - high) + (1.0 - v) * (right - high))
+        if u >= v:
+            return float(low + u * (right - low) + v * (high - right))
+        return float(low + v * (up - low) + u * (high - up))
 
     def slope(self, x: float, y: float, yaw: float, reach_m: float = 0.3) -> tuple[float, float]:
         """Return the (roll, pitch) in radians of something of half-length `reach_m` that stands there."""

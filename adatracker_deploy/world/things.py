@@ -52,7 +52,7 @@ def tree(x: float, y: float, size: float, green: Rgb) -> Thing:
         Part(
             shape="ellipsoid",
             half=(0.9 * size,) * 3,
-            at=(0.6 * size, 0.5 * size, 3.1 * size),
+            at=(0.6 * size, 0.5 * size, 3.4 * size),
             rgb=(green[0] * 0.85, green[1] * 0.85, green[2] * 0.85),
         ),
     )
