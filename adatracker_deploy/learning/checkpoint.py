@@ -77,12 +77,29 @@ OFFLINE_EVT = CheckpointMeta(
 )
 """The published Offline-EVT checkpoint holds weights alone; the rest is from its authors' code.
 
-Its rate is open (their simulator steps without a clock); 10 Hz reproduces the paper's scores of it.
+Its rate is open, because their simulator steps without a clock; at 10 Hz a geometric world reproduced the
+scores that the AdaTracker paper gives it.
 """
+
+ADATRACKER_MASK = MaskSpec(
+    size=64,
+    channels=3,
+    draw_size=160,
+    scale=1 / 255,
+    palette=Palette(background=(0, 0, 0), target=(255, 0, 0), person=(0, 255, 0), obstacle=(0, 0, 255)),
+)
+"""How AdaTracker is shown masks: a channel a class, in [0, 1]; see `AdaTrackerConfig`."""
 
 
 def save_checkpoint(path: Path, encoder: ContextEncoder, policy: ContextPolicy, meta: CheckpointMeta) -> None:
-    """Write an AdaTracker checkpoint that loads without running code."""
+    """Write an AdaTracker checkpoint that loads without running code.
+
+    Args:
+        path: replaced where it exists; its folder must exist.
+        encoder: its configuration is stored.
+        policy: of the same configuration.
+        meta: must agree with the configuration in the mask's channels, its size and the number of actions.
+    """
     torch.save(
         {
             "format": FORMAT,

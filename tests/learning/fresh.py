@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import torch
 
-from adatracker_deploy.learning.checkpoint import AdaTracker, CheckpointMeta, save_checkpoint
+from adatracker_deploy.learning.checkpoint import ADATRACKER_MASK, AdaTracker, CheckpointMeta, save_checkpoint
 from adatracker_deploy.learning.networks import (
     AdaTrackerConfig,
     ContextEncoder,
@@ -14,18 +15,11 @@ from adatracker_deploy.learning.networks import (
     OfflineEvtPolicy,
 )
 from adatracker_deploy.policy.base import ActionAxis
-from adatracker_deploy.policy.manifest import MaskSpec, Palette
 
 CONFIG = AdaTrackerConfig(size=32, history=5, features=12, context=4, encoder_hidden=10, hidden=8, actor=16)
 META = CheckpointMeta(
     name="fresh",
-    mask=MaskSpec(
-        size=CONFIG.size,
-        channels=CONFIG.channels,
-        draw_size=80,
-        scale=1 / 255,
-        palette=Palette(background=(0, 0, 0), target=(255, 0, 0), person=(0, 255, 0), obstacle="random"),
-    ),
+    mask=replace(ADATRACKER_MASK, size=CONFIG.size, draw_size=80),
     action=(ActionAxis(axis="forward"), ActionAxis(axis="yaw", sign=-1)),
     rate_hz=10.0,
     training="Not trained.",

@@ -160,13 +160,13 @@ def test_the_published_checkpoint_answers_as_written_out_by_hand(tmp_path):
     assert np.ptp(actions, axis=0).min() > 0.1
 
 
-def tool(*arguments):
-    script = ROOT / "tools" / "export_onnx.py"
-    return subprocess.run([sys.executable, script, *arguments], capture_output=True, text=True, check=False)
+def tool(folder, *arguments):
+    command = [sys.executable, ROOT / "tools" / "export_onnx.py", *arguments]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
 
 
 def test_the_tool_exports_and_sums_up(checkpoint, tmp_path):
-    done = tool(checkpoint, "--out", tmp_path / "b", "--interface", "window")
+    done = tool(tmp_path, checkpoint, "--out", "b", "--interface", "window")
     assert (done.returncode, done.stderr) == (0, "")
     assert "window, history 5, context 4" in done.stdout
     assert "+forward, -yaw" in done.stdout
@@ -175,6 +175,7 @@ def test_the_tool_exports_and_sums_up(checkpoint, tmp_path):
 
 @pytest.mark.parametrize("arguments", [("missing.pt", "--out", "b"), ("missing.pt",)])
 def test_the_tool_refuses_in_one_line_with_status_2(tmp_path, arguments):
-    done = tool(*arguments)
+    done = tool(tmp_path, *arguments)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.count("\n") == 1
+    assert not any(tmp_path.iterdir())
