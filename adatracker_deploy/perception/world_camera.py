@@ -10,6 +10,9 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import cv2
+import numpy as np
+
 from adatracker_deploy.geometry import Pose
 from adatracker_deploy.messages import Frame
 
@@ -21,6 +24,9 @@ if TYPE_CHECKING:
 
 BODY_RADIUS_M = 0.3
 """How near an obstacle counts as a collision."""
+RGB_SHARE = 2
+"""Colours, which only people look at, are cast at half the resolution: a third of the time, so that
+a rehearsal at five times real time keeps up."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +101,10 @@ class WorldCamera:
             self._last_ns = now_ns
         camera = self._mount.pose(robot)
         width, height = self._size
-        mask, rgb = self._world.render(camera, math.radians(self._mount.fov_deg), height, width)
+        fov_rad = math.radians(self._mount.fov_deg)
+        mask = self._world.render_mask(camera, fov_rad, height, width)
+        _, small = self._world.render(camera, fov_rad, height // RGB_SHARE, width // RGB_SHARE)
+        rgb = cv2.resize(small, (width, height), interpolation=cv2.INTER_LINEAR)
         self._seq += 1
         truth = self._world.truth(mask, robot, camera, BODY_RADIUS_M)
-        return Frame(rgb, now_ns, self._seq, truth)
+        return Frame(np.asarray(rgb, np.uint8), now_ns, self._seq, truth)
