@@ -66,9 +66,7 @@ def main() -> None:
         f"{ending.outcome}: {len(records)} ticks in {elapsed_s:.1f} s, CPU {cpu_s / elapsed_s:.0%} of a core"
     )
     print(f"rate {(len(records) - 1) / elapsed_s:.3f} Hz, missed slots {records[-1].missed_deadlines}")
-    print(
-        f"shortest gap {gaps.min() * 1e3:.1f} ms of {1e3 / policy.info.rate_hz:.0f} ms"
-    )
+    print(f"shortest gap {gaps.min() * 1e3:.1f} ms of {1e3 / policy.info.rate_hz:.0f} ms")
     for name, values in (("lateness", lateness_ms), ("sensor to command", sensor_ms)):
         p50, p99 = np.percentile(values, (50, 99))
         print(f"{name:18s} p50 {p50:6.2f} ms   p99 {p99:6.2f} ms   max {values.max():6.2f} ms")

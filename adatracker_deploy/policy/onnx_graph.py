@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import onnx
-from google.protobuf.message import DecodeError, Message  # type: ignore[import-untyped]
+from google.protobuf.message import DecodeError, Message
 
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.policy.manifest import GraphSpec, TensorSpec, check_tensors

@@ -154,8 +154,9 @@ def _record(
         state_age_s=state.age_s(tick.t_ns),
         latency=latency,
         missed_deadlines=missed_deadlines,
-        distance_m=truth and truth.distance_m,
-        bearing_rad=truth and truth.bearing_rad,
-        target_visible=truth
-        and target_visible(truth.distance_m, truth.bearing_rad, observation.box is not None),
+        distance_m=truth.distance_m if truth else None,
+        bearing_rad=truth.bearing_rad if truth else None,
+        target_visible=target_visible(truth.distance_m, truth.bearing_rad, observation.box is not None)
+        if truth
+        else None,
     )

@@ -21,8 +21,7 @@ from adatracker_drone.navigator import NOTHING, Navigator, Ned, SetPoint
 from adatracker_drone.parameters import PARAMETERS, Parameters, from_wire, to_wire
 from adatracker_drone.px4 import Mode, Result
 from adatracker_drone.settings import SitlSettings
-from adatracker_drone.streams import STREAMS, Schedule
-from adatracker_drone.telemetry import Instant, Message
+from adatracker_drone.telemetry import Instant, Message, Streams
 
 SYSTEM, COMPONENT = 1, mavlink.MAV_COMP_ID_AUTOPILOT1
 
@@ -51,9 +50,10 @@ class Autopilot:
     def __init__(self, settings: SitlSettings, seed: int, speed: float = 1.0) -> None:
         self.parameters = Parameters(settings.parameters)
         self.commander = Commander(self.parameters, ekf_ready_s=settings.ekf_ready_s, speed=speed)
+        self.commander.battery = settings.battery
         self._navigator = Navigator(self.parameters)
         self._estimator = Estimator(settings, seed)
-        self._schedule = Schedule()
+        self._streams = Streams()
         self._out: list[Message] = []
         self._set_point = SetPoint()
         self._estimate = Motion()
@@ -81,8 +81,8 @@ class Autopilot:
     def step(self, truth: Motion, now_s: float) -> Velocity:
         """Judge the situation at `now_s` since power-on; return the velocity to fly.
 
-        The demand is made from the estimate and then put right by the estimate's bias: a controller that holds
-        a velocity it believes in really flies that velocity less the error of its belief.
+        The demand is made from the estimate and then put right by its bias: a controller that holds what it
+        believes to be a velocity really flies that velocity less the error of its belief.
         """
         dt_s, self._now_s = now_s - self._now_s, now_s
         self._estimate = self._estimator.measure(truth)
@@ -93,7 +93,7 @@ class Autopilot:
         if commander.mode is not self._navigated:
             self._navigator.enter(commander.mode, self._estimate, commander.takeoff_altitude_m)
             self._navigated = commander.mode
-            self._out.append(STREAMS[mavlink.MAVLINK_MSG_ID_HEARTBEAT][0](self._instant()))
+            self._tell(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
         while commander.texts:
             severity, text = commander.texts.popleft()
             self._out.append(mavlink.MAVLink_statustext_message(severity, text.encode()))
@@ -106,7 +106,7 @@ class Autopilot:
 
     def transmit(self) -> list[Message]:
         """Return everything there is to send now."""
-        messages, self._out = self._out + self._schedule.due(self._instant()), []
+        messages, self._out = [*self._out, *self._streams.due(self._instant())], []
         return messages
 
     def receive(self, message: Message) -> None:
@@ -123,6 +123,13 @@ class Autopilot:
         return Instant(
             round(self._now_s * 1e9), self._estimate, self.commander, self.commander.ready(self._now_s)
         )
+
+    def _tell(self, number: int) -> bool:
+        """Send one message of a stream now; False if there is no such stream."""
+        message = self._streams.once(number, self._instant())
+        if message is not None:
+            self._out.append(message)
+        return message is not None
 
     def _on_command(self, message: Any) -> None:
         command = _COMMANDS.get(message.command)
@@ -162,15 +169,12 @@ class Autopilot:
         return self.commander.request(mode, self._now_s)
 
     def _set_interval(self, params: tuple[float, ...]) -> Result:
-        known = self._schedule.set_interval(_whole(params[0]), params[1])
+        now_ns = round(self._now_s * 1e9)
+        known = self._streams.set_period_us(_whole(params[0]), params[1], now_ns)
         return Result.ACCEPTED if known else Result.DENIED
 
     def _request_message(self, params: tuple[float, ...]) -> Result:
-        stream = STREAMS.get(_whole(params[0]))
-        if stream is None:
-            return Result.UNSUPPORTED
-        self._out.append(stream[0](self._instant()))
-        return Result.ACCEPTED
+        return Result.ACCEPTED if self._tell(_whole(params[0])) else Result.UNSUPPORTED
 
     def _on_local_target(self, message: Any) -> None:
         level_body = _FRAMES.get(message.coordinate_frame)

@@ -12,14 +12,12 @@ from adatracker_deploy.geometry import Pose, wrap_angle
 from adatracker_deploy.platform import Body, Twist
 from adatracker_drone.cascade import Cascade, Motors
 from adatracker_drone.frames import NedPose
-from adatracker_drone.motion import Motion, Velocity
+from adatracker_drone.motion import HOME_ALTITUDE_M, HOME_LATITUDE_DEG, HOME_LONGITUDE_DEG, Motion, Velocity
 from adatracker_drone.protocol import body_velocity
 from adatracker_drone.settings import SitlSettings
 
 STEP_S = 0.004
 """JSBSim's and the controller's time step."""
-HOME_LATITUDE_DEG, HOME_LONGITUDE_DEG, HOME_ALTITUDE_M = 47.397742, 8.545594, 488.0
-"""Where the start is on Earth: the home of PX4's own simulators."""
 
 _FT_M = 0.3048
 _STANDING_M = 0.15068

@@ -110,4 +110,5 @@ def _mix(thrust_n: float, torques: tuple[float, float, float]) -> Motors:
 
 def _command(thrust_n: float) -> float:
     """Return the command that gives one motor's thrust."""
-    return min((max(thrust_n, 0.0) / _FULL_THRUST_N) ** (1 / _THRUST_POWER), 1.0)
+    share: float = max(thrust_n, 0.0) / _FULL_THRUST_N
+    return min(math.pow(share, 1 / _THRUST_POWER), 1.0)

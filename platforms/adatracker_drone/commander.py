@@ -1,7 +1,7 @@
-"""Who may fly, and in which mode: arming, mode requests, the offboard rules and the fail-safe. PX4's Commander.
+"""Who may fly, and in which mode: arming, mode requests, the offboard rules, the fail-safe. PX4's Commander.
 
-Time is the vehicle's, in seconds since power-on. Loss times are counted in wall seconds as PX4's simulator does:
-at five times real time COM_OF_LOSS_T lasts five times as long in simulated time.
+Time is the vehicle's, in seconds since power-on. Loss times are wall seconds, as in PX4's simulator: at five
+times real time COM_OF_LOSS_T lasts five times as long in simulated time.
 """
 
 from __future__ import annotations
@@ -146,19 +146,15 @@ class Commander:
         self._disarm_when_idle(now_s)
 
     def _arming_obstacle(self, now_s: float) -> str:
-        if now_s < self._ekf_ready_s:
-            return "system is not ready, waiting for the position estimate"
-        if self.battery <= _LOW_BATTERY:
-            return "low battery"
-        if not self.landed:
-            return "not landed"
-        if self._wanted in _NEEDS_STICKS or self._wanted is Mode.POSCTL:
-            return "no manual control"
-        if self._wanted is Mode.OFFBOARD and self._lost(now_s):
-            return "no offboard set-points"
-        if self._wanted in (Mode.LAND, Mode.RTL):
-            return f"mode {self._wanted.name} is not for takeoff"
-        return ""
+        obstacles = (
+            (now_s < self._ekf_ready_s, "system is not ready, waiting for the position estimate"),
+            (self.battery <= _LOW_BATTERY, "low battery"),
+            (not self.landed, "not landed"),
+            (self._wanted in _NEEDS_STICKS or self._wanted is Mode.POSCTL, "no manual control"),
+            (self._wanted is Mode.OFFBOARD and self._lost(now_s), "no offboard set-points"),
+            (self._wanted in (Mode.LAND, Mode.RTL), f"mode {self._wanted.name} is not for takeoff"),
+        )
+        return next((why for stands, why in obstacles if stands), "")
 
     def _disarm(self, why: str) -> None:
         self.armed = False
@@ -169,7 +165,7 @@ class Commander:
 
     def _switch(self, mode: Mode, *, failsafe: bool = False) -> None:
         self.failsafe = failsafe
-        if mode is Mode.TAKEOFF or mode is not Mode.OFFBOARD:
+        if mode is not Mode.OFFBOARD:
             self._reached_s = None
         self.mode = mode
 

@@ -1,7 +1,7 @@
 """What the vehicle believes of its own motion: the truth with a biased, noisy velocity and a noisy position.
 
-A real estimator's velocity is off by a slowly changing amount; a vehicle that is flown by velocity alone drifts by it.
-Here the amount is constant and drawn from the seed, so that every rehearsal shows the drift.
+A real estimator's velocity is off by a slowly changing amount, and a vehicle that is flown by velocity alone
+drifts by it. Here the amount is constant and drawn from the seed, so that every rehearsal shows the drift.
 """
 
 from __future__ import annotations

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+HOME_LATITUDE_DEG, HOME_LONGITUDE_DEG, HOME_ALTITUDE_M = 47.397742, 8.545594, 488.0
+"""Where the start is on Earth: the home of PX4's own simulators."""
+
 
 class Motion(NamedTuple):
     """One instant. A named tuple, because 250 of them are made a second.

@@ -28,7 +28,7 @@ class Mode(enum.Enum):
     @property
     def is_auto(self) -> bool:
         """Tell whether the autopilot navigates by itself."""
-        return self.value[0] == 4
+        return self in (Mode.TAKEOFF, Mode.HOLD, Mode.RTL, Mode.LAND)
 
 
 class Result(enum.IntEnum):

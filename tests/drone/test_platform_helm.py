@@ -4,15 +4,15 @@ import dataclasses
 import threading
 
 import pytest
-from adatracker_drone.connection import Connection
-from adatracker_drone.helm import Helm
-from adatracker_drone.vehicle import Heard
 from hypothesis import given
 from hypothesis import strategies as st
 
 from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.platform import ZERO, Twist
 from adatracker_deploy.runtime.clock import FakeClock
+from adatracker_drone.connection import Connection
+from adatracker_drone.helm import Helm
+from adatracker_drone.vehicle import Heard
 
 
 class RecordingVehicle:

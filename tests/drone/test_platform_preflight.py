@@ -3,12 +3,12 @@
 import dataclasses
 
 import pytest
-from adatracker_drone.connection import Connection
-from adatracker_drone.preflight import Parameters, envelope_checks, failsafe_checks, health_checks
 
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.platform import Limits
 from adatracker_deploy.profile import load_profile, profile_dir
+from adatracker_drone.connection import Connection
+from adatracker_drone.preflight import Parameters, envelope_checks, failsafe_checks, health_checks
 
 SAFE = Parameters(
     COM_OF_LOSS_T=1.0,

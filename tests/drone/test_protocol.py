@@ -4,6 +4,11 @@ import json
 import math
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.platform import Twist
 from adatracker_drone.frames import NedPose
 from adatracker_drone.protocol import (
     FASTEST_M_S,
@@ -14,11 +19,6 @@ from adatracker_drone.protocol import (
     offboard_json,
     set_point_json,
 )
-from hypothesis import given
-from hypothesis import strategies as st
-
-from adatracker_deploy.errors import PlatformError, UsageError
-from adatracker_deploy.platform import Twist
 
 speeds = st.floats(-FASTEST_M_S, FASTEST_M_S)
 angles = st.floats(-math.pi, math.pi)

@@ -5,9 +5,8 @@ from __future__ import annotations
 import sys
 import threading
 
-from adatracker_deploy.policy.pid import PidPolicy
-
 from adatracker_deploy.cli import main
+from adatracker_deploy.policy.pid import PidPolicy
 
 ANSWERS = 100
 
