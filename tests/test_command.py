@@ -63,7 +63,7 @@ def test_a_busy_port_is_named_before_anything_starts(capsys, tmp_path):
         profile = drone_profile(tmp_path, url=f"udpin://127.0.0.1:{port}")
         assert main([*DRONE, "--profile", profile, "--log-dir", str(tmp_path / "trials")]) == 2
     *_, line = capsys.readouterr().err.strip().splitlines()
-    assert f"port {port} is in use" in line
+    assert f"UDP port {port} is in use" in line
     assert not (tmp_path / "trials").exists()
 
 

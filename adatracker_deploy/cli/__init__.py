@@ -24,8 +24,10 @@ class _Parser(argparse.ArgumentParser):
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command; return 0 done, 1 stopped or failed, 2 a wrong request, 130 interrupted."""
+    argv = sys.argv[1:] if argv is None else argv
+    named = bool(argv) and (not argv[0].startswith("-") or argv[0] in ("-h", "--help"))
     try:
-        args = _parser().parse_args(argv)
+        args = _parser(with_commands=named).parse_args(argv)
         status: int = args.run(args)
     except UsageError as error:
         print(f"adatracker-deploy: {error}", file=sys.stderr)
@@ -39,7 +41,8 @@ def main(argv: list[str] | None = None) -> int:
     return status
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser(*, with_commands: bool) -> argparse.ArgumentParser:
+    """Return the parser; without commands a misspelt option is not taken for one of them."""
     from adatracker_deploy.cli import filmstrip, lists, run, score
 
     parser = _Parser(
@@ -49,6 +52,8 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     run.add_arguments(parser)
+    if not with_commands:
+        return parser
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", parser_class=_Parser)
     for module in (score, filmstrip, lists):
         module.add_parser(commands)
