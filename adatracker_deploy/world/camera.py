@@ -25,7 +25,7 @@ _SKIN_M = 0.02
 
 @functools.lru_cache(maxsize=32)
 def pixel_rays(fov_rad: float, height: int, width: int) -> NDArray[np.float64]:
-    """Return unit vectors (height * width, 3) through the middles of square pixels, row by row from the top.
+    """Return unit vectors (3, height * width) through the middles of square pixels, row by row from the top.
 
     Args:
         fov_rad: horizontal field of view, below pi.
@@ -38,8 +38,8 @@ def pixel_rays(fov_rad: float, height: int, width: int) -> NDArray[np.float64]:
     across = (width / 2 - 0.5 - np.arange(width)) / focal_px
     up = (height / 2 - 0.5 - np.arange(height)) / focal_px
     left, upward = np.meshgrid(across, up)
-    rays = np.stack([np.ones_like(left), left, upward], axis=-1).reshape(-1, 3)
-    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    rays = np.stack([np.ones_like(left), left, upward]).reshape(3, -1)
+    rays /= np.linalg.norm(rays, axis=0)
     rays.flags.writeable = False
     return rays
 
@@ -70,7 +70,7 @@ class Camera:
         assert hits.normal is not None
         seen = np.flatnonzero(hits.primitive != NOTHING)
         primitive, distance, normal = hits.primitive[seen], hits.distance[seen], hits.normal[seen]
-        point = rays.origin + rays.ways[seen] * distance[:, None]
+        point = rays.origin + (rays.ways[:, seen] * distance).T
         surfaces = Surfaces(
             point=point,
             normal=normal,
@@ -80,19 +80,20 @@ class Camera:
             is_ground=primitive == GROUND,
             has_windows=self._stage.windows_of[primitive],
         )
-        rgb = paint(self._scene, rays.ways, seen, surfaces)
+        rgb = paint(self._scene, rays.ways[2], seen, surfaces)
         return self._stage.class_of[hits.primitive].reshape(height, width), rgb.reshape(height, width, 3)
 
     def _sunlight(self, point: Array, normal: Array) -> Array:
         """Return the cosine of the sun's incidence, 0 where a solid shades the place, shape (N,)."""
-        light: Array = np.maximum(normal @ _SUN, 0.0)
+        light: Array = np.maximum(np.einsum("nj,j->n", normal, _SUN), 0.0)
         facing = np.flatnonzero(light)
-        ways = point[facing] - _SUN_AT
-        distance = np.linalg.norm(ways, axis=1)
-        met = self._stage.solids(Rays(_SUN_AT, ways / distance[:, None]))
+        ways = (point[facing] - _SUN_AT).T
+        distance = np.linalg.norm(ways, axis=0)
+        met = self._stage.solids(Rays(_SUN_AT, ways / distance))
         light[facing[met.distance < distance - _SKIN_M]] = 0.0
         return light
 
 
 def _rays(pose: Pose, fov_rad: float, height: int, width: int) -> Rays:
-    return Rays(pose.translation(), pixel_rays(fov_rad, height, width) @ pose.rotation().T)
+    ways = np.einsum("ij,jn->in", pose.rotation(), pixel_rays(fov_rad, height, width))
+    return Rays(pose.translation(), ways)

@@ -14,6 +14,8 @@ Points = NDArray[np.float64]
 Clearance = Callable[[Points], NDArray[np.float64]]
 """Distance from each place to the nearest thing that blocks, shape (M,), m; negative inside it."""
 
+_ON_EDGE_M = 1e-9
+
 HEADROOM_M = 2.0
 """A solid that begins higher than this blocks nothing that stands on the ground."""
 
@@ -47,27 +49,25 @@ class FreeSpace:
     def clearance(self, points: Points) -> NDArray[np.float64]:
         """Return the distance from each place to the nearest wall or standing solid (a `Clearance`)."""
         walls: NDArray[np.float64] = (self._half - np.abs(points)).min(axis=1)
-        distance, _ = self._standing.distance(points)
-        clear: NDArray[np.float64] = np.minimum(walls, distance.min(axis=1, initial=np.inf))
+        things = self._standing.distance(points).min(axis=1, initial=np.inf)
+        clear: NDArray[np.float64] = np.minimum(walls, things)
         return clear
 
     def push_out(self, x: float, y: float, radius_m: float) -> tuple[float, float]:
         """Return the nearest place where a disc touches neither wall nor standing solid.
 
-        Solids are left one after the other, the deepest first; in a gap that is too narrow for the disc the
-        place found after four of them is returned.
+        Solids are left one after the other, the deepest first. Where that goes back and forth, in a corner or
+        in a gap that is too narrow for the disc, the place found after eight of them is returned.
         """
         place = np.array([x, y])
         limit = np.maximum(self._half - radius_m, 0.0)
-        for _ in range(4):
+        for _ in range(8):
             place = place.clip(-limit, limit)
-            distance, away = self._standing.distance(place[None])
-            if distance.size == 0 or (nearest := int(distance[0].argmin())) < 0:
-                break
-            depth = radius_m - distance[0, nearest]
+            distance = self._standing.distance(place[None])[0]
+            depth = radius_m - distance.min(initial=np.inf)
             if depth <= 0.0:
                 break
-            place = place + depth * away[0, nearest]
+            place = place + depth * self._standing.way_out(place, int(distance.argmin()))
         return float(place[0]), float(place[1])
 
     def touches(self, x: float, y: float, z: float, radius_m: float) -> bool:
@@ -75,7 +75,7 @@ class FreeSpace:
         place = np.array([[x, y]])
         if (np.abs(place[0]) > self._half - radius_m).any():
             return True
-        across, _ = self._all.distance(place)
+        across = self._all.distance(place)
         above = np.maximum(np.maximum(self._all.bottom - z, z - self._all.top), 0.0)
         return bool((np.hypot(np.maximum(across[0], 0.0), above) < radius_m).any())
 
@@ -92,25 +92,25 @@ class _Prisms:
         yaw = np.array([s.yaw for s in solids])
         self._cos, self._sin = np.cos(yaw), np.sin(yaw)
 
-    def distance(self, points: Points) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return signed distances (M, N) and the unit directions (M, N, 2) that lead out.
+    def distance(self, points: Points) -> NDArray[np.float64]:
+        """Return signed distances (M, N).
 
         The signed distance of a rounded box: https://iquilezles.org/articles/distfunctions2d.
         """
-        offset = points[:, None, :] - self._centre
-        x = self._cos * offset[..., 0] + self._sin * offset[..., 1]
-        y = self._cos * offset[..., 1] - self._sin * offset[..., 0]
-        over_x, over_y = np.abs(x) - self._half[:, 0], np.abs(y) - self._half[:, 1]
-        out_x, out_y = np.maximum(over_x, 0.0), np.maximum(over_y, 0.0)
-        outside = np.hypot(out_x, out_y)
-        distance = outside + np.minimum(np.maximum(over_x, over_y), 0.0) - self._radius
-        # Inside the rectangle the way out leads through the nearest side; elsewhere straight from its edge.
-        inside = outside == 0.0
-        by_x = over_x > over_y
-        scale = np.where(inside, 1.0, outside)
-        local_x = np.copysign(np.where(inside, by_x, out_x / scale), x)
-        local_y = np.copysign(np.where(inside, ~by_x, out_y / scale), y)
-        away = np.stack(
-            [self._cos * local_x - self._sin * local_y, self._sin * local_x + self._cos * local_y], axis=-1
-        )
-        return distance, away
+        offset_x, offset_y = (points[:, None, :] - self._centre).transpose(2, 0, 1)
+        over_x = np.abs(self._cos * offset_x + self._sin * offset_y) - self._half[:, 0]
+        over_y = np.abs(self._cos * offset_y - self._sin * offset_x) - self._half[:, 1]
+        outside = np.hypot(np.maximum(over_x, 0.0), np.maximum(over_y, 0.0))
+        distance: NDArray[np.float64] = outside + np.minimum(np.maximum(over_x, over_y), 0.0) - self._radius
+        return distance
+
+    def way_out(self, point: NDArray[np.float64], index: int) -> NDArray[np.float64]:
+        """Return the unit direction (2,) in which the distance to one solid grows."""
+        cos, sin = self._cos[index], self._sin[index]
+        turn = np.array([[cos, -sin], [sin, cos]])
+        local = (point - self._centre[index]) @ turn
+        over = np.abs(local) - self._half[index]
+        # Inside the rectangle the way out leads through the nearest side, elsewhere straight off its edge.
+        way = np.maximum(over, 0.0) if over.max() > _ON_EDGE_M else (over == over.max()).astype(np.float64)
+        out: NDArray[np.float64] = turn @ np.copysign(way / np.linalg.norm(way), local)
+        return out

@@ -36,13 +36,15 @@ class Surfaces:
     has_windows: NDArray[np.bool_]
 
 
-def paint(scene: Scene, rays: Array, seen: NDArray[np.intp], surfaces: Surfaces) -> NDArray[np.uint8]:
-    """Return the colours uint8 (M, 3) of M rays, of which the N with indices `seen` met `surfaces`.
+def paint(scene: Scene, rise: Array, seen: NDArray[np.intp], surfaces: Surfaces) -> NDArray[np.uint8]:
+    """Return the colours uint8 (M, 3) of M unit rays, of which the N with indices `seen` met `surfaces`.
+
+    `rise` is the upward component of each ray, (M,).
 
     Lambert's cosine law for the sun, plus a sky that lights what faces upwards a little more.
     """
     haze, sky = np.array(scene.haze_rgb), np.array(scene.sky_rgb)
-    height = np.sqrt(np.clip(rays[:, 2:], 0.0, 1.0))
+    height = np.sqrt(np.clip(rise, 0.0, 1.0))[:, None]
     image = haze + (sky - haze) * height
     colour = surfaces.rgb.astype(np.float64)
     ground, windows = surfaces.is_ground, surfaces.has_windows

@@ -26,9 +26,6 @@ _HIP_HALF_WIDTH = 0.095
 _SHOULDER_HALF_WIDTH = 0.215
 _FOOT_HALF_HEIGHT = 0.045
 
-REACH_M = 1.2
-"""Radius of a ball around the middle of a person that holds every limb in every posture."""
-
 Point = tuple[float, float, float]
 Role = Literal["skin", "hair", "shirt", "trousers", "shoes"]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from adatracker_deploy.messages import MaskClass
 from adatracker_deploy.world.caster import Array, Caster, Primitive, Rays
-from adatracker_deploy.world.person import LIMBS, REACH_M, Gait, Role, posture
+from adatracker_deploy.world.person import LIMBS, Gait, Role, posture
 from adatracker_deploy.world.scene import Rgb, Scene, Thing
 
 NOTHING = -1
@@ -30,8 +30,6 @@ _CLOTHES: tuple[tuple[Rgb, Rgb], ...] = (
     ((0.24, 0.52, 0.30), (0.45, 0.38, 0.28)),
     ((0.88, 0.88, 0.86), (0.40, 0.14, 0.16)),
 )
-_BALL_MIDDLE_M = 0.9
-"""Height of the middle of the ball around a person."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +65,7 @@ class Stage:
         self._solids = self._people + [_standing(thing, scene) for thing in things]
         balls = [caster.ball() for caster in self._solids]
         self._ball_centres = np.array([centre for centre, _ in balls])
-        self._ball_radii = np.array([REACH_M] * people + [radius for _, radius in balls[people:]])
+        self._ball_radii = np.array([radius for _, radius in balls])
 
         # A caster is one thing, so its primitives are of one class, however MuJoCo numbers them inside.
         classes = [MaskClass.TARGET, *[MaskClass.PERSON] * (people - 1)] + [MaskClass.OBSTACLE] * len(things)
@@ -91,8 +89,9 @@ class Stage:
         yaw_w, yaw_z = math.cos(heading / 2), math.sin(heading / 2)
         pitch_w, pitch_y = np.cos(pitches / 2), np.sin(pitches / 2)
         quaternion = np.stack([yaw_w * pitch_w, -yaw_z * pitch_y, yaw_w * pitch_y, yaw_z * pitch_w], axis=-1)
-        self._people[index].place(turned + foot, quaternion)
-        self._ball_centres[index] = (foot[0], foot[1], foot[2] + _BALL_MIDDLE_M)
+        person = self._people[index]
+        person.place(turned + foot, quaternion)
+        self._ball_centres[index], self._ball_radii[index] = person.ball()
 
     def solids(self, rays: Rays, *, normals: bool = False) -> Hits:
         """Return what the rays meet of things and people; ground and walls are left out."""
@@ -135,7 +134,8 @@ class Stage:
         # In single precision, hence a little wider; from inside a ball every ray may meet its solid.
         least = np.where(sine < 1.0, np.sqrt(1.0 - sine**2) - 1e-4, -2.0).astype(np.float32)
         axes = (to_ball / distance[:, None]).astype(np.float32)
-        near: NDArray[np.bool_] = axes @ rays.ways.astype(np.float32).T >= least[:, None]
+        cosine = np.einsum("sj,jn->sn", axes, rays.ways.astype(np.float32))
+        near: NDArray[np.bool_] = cosine >= least[:, None]
         return near
 
 

@@ -46,7 +46,7 @@ def camera(scene: Scene, *people: tuple[float, float]) -> Camera:
 
 
 def test_rays_are_a_pinhole_with_square_pixels():
-    rays = pixel_rays(RIGHT_ANGLE, 4, 8).reshape(4, 8, 3)
+    rays = pixel_rays(RIGHT_ANGLE, 4, 8).T.reshape(4, 8, 3)
     on_plane = rays / rays[..., :1]
     assert np.linalg.norm(rays, axis=-1) == pytest.approx(1.0)
     assert on_plane[0, 0] == pytest.approx([1.0, 3.5 / 4, 1.5 / 4])
@@ -112,14 +112,14 @@ def test_every_pixel_has_the_class_of_what_stands_at_the_place_it_shows(name):
     world = World(name, seed=1, others=2)
     view = world.start @ Pose(z=1.2)
     mask = world.render_mask(view, RIGHT_ANGLE, 48, 48).reshape(-1)
-    ways = pixel_rays(RIGHT_ANGLE, 48, 48) @ view.rotation().T
+    ways = view.rotation() @ pixel_rays(RIGHT_ANGLE, 48, 48)
     distance = world._stage.solids(Rays(view.translation(), ways)).distance
     solids = world.scene.free_space(obstacles=True)
     near = {MaskClass.TARGET: world.people_xy[:1], MaskClass.PERSON: world.people_xy[1:]}
     assert (mask == MaskClass.TARGET).any()
     assert (mask == MaskClass.OBSTACLE).any()
     for pixel, hit in enumerate(np.where(np.isfinite(distance), distance, 0.0)):
-        x, y, z = view.translation() + ways[pixel] * hit
+        x, y, z = view.translation() + ways[:, pixel] * hit
         if mask[pixel] in near:
             assert np.hypot(*(near[mask[pixel]] - (x, y)).T).min() < 0.6
         elif mask[pixel] == MaskClass.OBSTACLE:
