@@ -120,6 +120,8 @@ class _Trial:
             config=self._config(profile),
             now_ns=self.clock.now_ns(),
         )
+        if self.log.trouble:
+            raise PlatformError(f"the trial cannot be logged: {self.log.trouble}")
         try:
             ending = self._engage_and_follow(camera, profile)
         except KeyboardInterrupt:
@@ -234,6 +236,8 @@ class _Trial:
             trial=self.log.folder,
         )
         self.log.close(summary)
+        if self.log.trouble:
+            self.progress.phase(f"warning: the log is not whole: {self.log.trouble}")
         return summary
 
     def _stand_still(self, reason: str) -> float | None:

@@ -125,7 +125,7 @@ def summarise_set(summaries: Sequence[Summary]) -> Summary:
 
 def summary_table(summaries: Sequence[Summary]) -> RenderableType:
     """Draw a row for each trial and, below, the rows of the paper's real-world table: MR, EL, SR."""
-    trials = Table(box=box.SIMPLE_HEAD)
+    trials = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for column in ("#", "outcome", "MR", "MR seen", "seen", "EL", "AR", "Hz", "p99 ms", "missed"):
         trials.add_column(column, justify="left" if column == "outcome" else "right", no_wrap=True)
     for number, row in enumerate(summaries, start=1):
