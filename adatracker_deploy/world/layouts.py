@@ -151,10 +151,10 @@ def snow_village(rng: np.random.Generator) -> Scene:
             stand.append(things.hut(x, y, rng.uniform(0, math.tau), (0.45, 0.30, 0.20)))
         else:
             stand.append(things.fir(x, y, rng.uniform(0.8, 1.3)))
-    wood = [
-        things.fir((half + rng.uniform(1.5, 5.0)) * math.cos(a) * 1.2, (half + 3.0) * math.sin(a) * 1.2, 1.5)
-        for a in np.linspace(0.0, math.tau, 24, endpoint=False).tolist()
-    ]
+    wood: list[Thing] = []
+    for angle in np.linspace(0.0, math.tau, 24, endpoint=False).tolist():
+        out = (half + rng.uniform(2.0, 6.0)) / max(abs(math.cos(angle)), abs(math.sin(angle)))
+        wood.append(things.fir(out * math.cos(angle), out * math.sin(angle), 1.5))
     return Scene(
         name="snow_village",
         half_x_m=half,
