@@ -16,7 +16,7 @@ from adatracker_drone.body import Power
 from adatracker_drone.commander import FORCE, Commander
 from adatracker_drone.estimator import Estimator
 from adatracker_drone.frames import rotate
-from adatracker_drone.motion import Motion, Velocity
+from adatracker_drone.motion import HOME_ALTITUDE_M, Motion, Velocity
 from adatracker_drone.navigator import NOTHING, Navigator, Ned, SetPoint
 from adatracker_drone.parameters import PARAMETERS, Parameters, from_wire, to_wire
 from adatracker_drone.px4 import Mode, Result
@@ -89,11 +89,10 @@ class Autopilot:
         commander = self.commander
         if not commander.landed:
             commander.battery = max(0.0, commander.battery - dt_s / _BATTERY_LASTS_S)
-        commander.update(self._estimate, now_s)
+        commander.update(truth, now_s)  # a land detector feels thrust and touch, not the estimate's bias
         if commander.mode is not self._navigated:
             self._navigator.enter(commander.mode, self._estimate, commander.takeoff_altitude_m)
             self._navigated = commander.mode
-            self._tell(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
         while commander.texts:
             severity, text = commander.texts.popleft()
             self._out.append(mavlink.MAVLink_statustext_message(severity, text.encode()))
@@ -131,9 +130,16 @@ class Autopilot:
             self._out.append(message)
         return message is not None
 
-    def _on_command(self, message: Any) -> None:
+    def _on_command_long(self, message: Any) -> None:
+        self._obey(message, tuple(getattr(message, f"param{number}") for number in range(1, 8)))
+
+    def _on_command_int(self, message: Any) -> None:
+        params = tuple(getattr(message, f"param{number}") for number in range(1, 5))
+        self._obey(message, (*params, message.x, message.y, message.z))
+
+    def _obey(self, message: Any, params: tuple[float, ...]) -> None:
+        """Carry out a command and acknowledge it to its sender."""
         command = _COMMANDS.get(message.command)
-        params = tuple(getattr(message, f"param{number}") for number in range(1, 8))
         result = Result.UNSUPPORTED if command is None else command(self, params)
         self._out.append(
             mavlink.MAVLink_command_ack_message(
@@ -149,8 +155,10 @@ class Autopilot:
             return self.commander.disarm(force=force)
         return Result.DENIED
 
-    def _take_off(self, _: tuple[float, ...]) -> Result:
-        return self.commander.takeoff(math.nan, self._now_s)
+    def _take_off(self, params: tuple[float, ...]) -> Result:
+        """Take off to a height above sea level, or to MIS_TAKEOFF_ALT where that is none above home."""
+        above_home_m = params[6] - HOME_ALTITUDE_M
+        return self.commander.takeoff(above_home_m if above_home_m > 0 else math.nan, self._now_s)
 
     def _land(self, _: tuple[float, ...]) -> Result:
         return self.commander.request(Mode.LAND, self._now_s)
@@ -160,18 +168,38 @@ class Autopilot:
 
     def _set_mode(self, params: tuple[float, ...]) -> Result:
         base, main, sub = (_whole(param) for param in params[:3])
+        return self._switch(base, Mode.find(main, sub))
+
+    def _on_set_mode(self, message: Any) -> None:
+        """Switch modes the old way; PX4 does not acknowledge it."""
+        main, sub = message.custom_mode >> 16 & 0xFF, message.custom_mode >> 24
+        self._switch(message.base_mode, Mode.find(main, sub))
+
+    def _switch(self, base: int, mode: Mode | None) -> Result:
         if base < 0 or not base & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
             return Result.DENIED
-        try:
-            mode = Mode((main, sub if Mode.HOLD.value[0] == main else 0))
-        except ValueError:
-            return Result.UNSUPPORTED
-        return self.commander.request(mode, self._now_s)
+        return Result.UNSUPPORTED if mode is None else self.commander.request(mode, self._now_s)
 
     def _set_interval(self, params: tuple[float, ...]) -> Result:
         now_ns = round(self._now_s * 1e9)
         known = self._streams.set_period_us(_whole(params[0]), params[1], now_ns)
         return Result.ACCEPTED if known else Result.DENIED
+
+    def _get_interval(self, params: tuple[float, ...]) -> Result:
+        number = _whole(params[0])
+        period_us = self._streams.period_us(number)
+        if period_us is None:
+            return Result.DENIED
+        self._out.append(mavlink.MAVLink_message_interval_message(number, period_us))
+        return Result.ACCEPTED
+
+    def _tell_version(self, _: tuple[float, ...]) -> Result:
+        self._tell(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
+        return Result.ACCEPTED
+
+    def _tell_home(self, _: tuple[float, ...]) -> Result:
+        self._tell(mavlink.MAVLINK_MSG_ID_HOME_POSITION)
+        return Result.ACCEPTED
 
     def _request_message(self, params: tuple[float, ...]) -> Result:
         return Result.ACCEPTED if self._tell(_whole(params[0])) else Result.UNSUPPORTED
@@ -229,6 +257,19 @@ class Autopilot:
             )
         )
 
+    def _on_mission_upload(self, message: Any) -> None:
+        self._acknowledge_mission(message, mavlink.MAV_MISSION_UNSUPPORTED)
+
+    def _on_mission_clear(self, message: Any) -> None:
+        self._acknowledge_mission(message, mavlink.MAV_MISSION_ACCEPTED)
+
+    def _acknowledge_mission(self, message: Any, answer: int) -> None:
+        self._out.append(
+            mavlink.MAVLink_mission_ack_message(
+                message.get_srcSystem(), message.get_srcComponent(), answer, message.mission_type
+            )
+        )
+
     def _on_ping(self, message: Any) -> None:
         if message.target_system == 0:  # a request; anything else is somebody's answer
             self._out.append(
@@ -248,12 +289,16 @@ def _whole(value: float) -> int:
 
 
 _HANDLERS: dict[str, Callable[[Autopilot, Any], None]] = {
-    "COMMAND_LONG": Autopilot._on_command,
+    "COMMAND_LONG": Autopilot._on_command_long,
+    "COMMAND_INT": Autopilot._on_command_int,
+    "SET_MODE": Autopilot._on_set_mode,
     "SET_POSITION_TARGET_LOCAL_NED": Autopilot._on_local_target,
     "PARAM_REQUEST_LIST": Autopilot._on_param_list,
     "PARAM_REQUEST_READ": Autopilot._on_param_read,
     "PARAM_SET": Autopilot._on_param_set,
     "MISSION_REQUEST_LIST": Autopilot._on_mission_list,
+    "MISSION_COUNT": Autopilot._on_mission_upload,
+    "MISSION_CLEAR_ALL": Autopilot._on_mission_clear,
     "PING": Autopilot._on_ping,
     "TIMESYNC": Autopilot._on_timesync,
 }
@@ -265,5 +310,8 @@ _COMMANDS: dict[int, Callable[[Autopilot, tuple[float, ...]], Result]] = {
     mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: Autopilot._return,
     mavlink.MAV_CMD_DO_SET_MODE: Autopilot._set_mode,
     mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: Autopilot._set_interval,
+    mavlink.MAV_CMD_GET_MESSAGE_INTERVAL: Autopilot._get_interval,
+    mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: Autopilot._tell_version,
+    mavlink.MAV_CMD_GET_HOME_POSITION: Autopilot._tell_home,
     mavlink.MAV_CMD_REQUEST_MESSAGE: Autopilot._request_message,
 }

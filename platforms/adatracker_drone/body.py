@@ -22,6 +22,10 @@ STEP_S = 0.004
 _FT_M = 0.3048
 _STANDING_M = 0.15068
 """Height of the centre of mass above the ground when the vehicle stands on its springs, measured."""
+_BREAKS_M_S = 5.0
+"""Touching down faster than this is a crash; the model's gear would throw the vehicle back into the air."""
+_DEEPEST_M = 0.5
+"""Deeper in the ground is a vehicle that turned over, for only the gear touches."""
 _HOVER = 0.4155
 _SPIN_UP_STEPS = 150
 """Motors reach hover speed within 0.6 s (lag 56 ms)."""
@@ -87,6 +91,7 @@ class DroneBody(Body):
         self._random = np.random.default_rng([seed, 0xB0D7])
         self._dt_left_s = 0.0
         self._cascade = Cascade()
+        self._wrecked = False
         start = NedPose.from_enu(pose)
         self._model = _model(max(-start.down, 0.0), start.heading)
         node = self._model.get_property_manager().get_node
@@ -112,7 +117,10 @@ class DroneBody(Body):
             self._blow()
             still = _STILL.get(self.power)
             self._run(still or self._cascade.step(demand, self.motion, STEP_S))
-            self.motion = self._read()
+            motion = self._read()
+            crashes = motion.on_gear and self.motion.v_down > _BREAKS_M_S
+            self._wrecked = self._wrecked or crashes or motion.down > _DEEPEST_M
+            self.motion = _at_rest(self.motion) if self._wrecked else motion
 
     @property
     def pose(self) -> Pose:
@@ -192,6 +200,19 @@ def _model(height_m: float, heading_rad: float) -> jsbsim.FGFDMExec:
     model.run_ic()
     model["propulsion/set-running"] = -1
     return model
+
+
+def _at_rest(motion: Motion) -> Motion:
+    """Return a wreck: it lies where it was last and does not move."""
+    return Motion(
+        north=motion.north,
+        east=motion.east,
+        down=motion.down,
+        roll=motion.roll,
+        pitch=motion.pitch,
+        heading=motion.heading,
+        on_gear=True,
+    )
 
 
 _SILENCE = _Silence()

@@ -55,13 +55,16 @@ class Cascade:
 
     def step(self, demand: Velocity, motion: Motion, dt_s: float) -> Motors:
         """Return the motor commands for the next `dt_s` seconds."""
+        low, high = _THRUST_LIMITS_N
+        if motion.on_gear and demand.down > 0:
+            # PX4's ground-contact state: let go, or the velocity loop would lean on the gear and tip over.
+            return _mix(low, (0.0, 0.0, 0.0))
         forward, right, down = self._acceleration(demand, motion, dt_s)
         # Thrust acts along the body's up axis: tilt it towards the demand and lift the weight with the rest.
         lift = max(GRAVITY_M_S2 - down, 0.3 * GRAVITY_M_S2)
         pitch = _clip(math.atan2(-forward, lift), _TILT_LIMIT_RAD)
         roll = _clip(math.atan2(right * math.cos(pitch), lift), _TILT_LIMIT_RAD)
         upright = max(math.cos(motion.roll) * math.cos(motion.pitch), 0.5)
-        low, high = _THRUST_LIMITS_N
         thrust = min(max(MASS_KG * (GRAVITY_M_S2 - down) / upright, low), high)
         return _mix(thrust, self._torques(roll, pitch, demand.yaw_rate, motion, dt_s))
 

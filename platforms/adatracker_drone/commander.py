@@ -183,7 +183,8 @@ class Commander:
                 self._say(Severity.CRITICAL, f"Failsafe activated: offboard signal lost, {action.name}")
                 self._switch(action, failsafe=True)
             return
-        proven = stream.engaged or now_s - stream.since_s >= _STREAM_S * self._speed
+        flows = now_s - stream.last_s <= _STREAM_GAP_S * self._speed
+        proven = stream.engaged or (flows and now_s - stream.since_s >= _STREAM_S * self._speed)
         if proven and (self.mode is not Mode.OFFBOARD or not stream.engaged):
             stream.engaged = True
             self._switch(Mode.OFFBOARD)
@@ -209,11 +210,7 @@ class Commander:
             self.request(action, now_s)
 
     def _detect_landing(self, motion: Motion, now_s: float) -> None:
-        if (
-            not motion.on_gear
-            or abs(motion.v_down) > _STILL_M_S
-            or (self.armed and self.mode is Mode.TAKEOFF)
-        ):
+        if not motion.on_gear or abs(motion.v_down) > _STILL_M_S:
             self._still_since_s = now_s
         if self.landed and self.armed and not motion.on_gear and motion.altitude > 0.1:
             self.landed, self._flown = False, True

@@ -17,8 +17,8 @@ from adatracker_drone.px4 import Mode
 
 _POSITION_P, _ALTITUDE_P, _HEADING_P = 0.95, 1.2, 2.8
 """1/s: MPC_XY_P, MPC_Z_P (1.0 by default), MC_YAW_P."""
-_STANDING_M_S = 0.25
-"""Braking ends, and a place to hold is chosen, below this speed."""
+_STOPPING_S = 0.6
+"""A moving vehicle that is to stay holds the place where it can stop: so many seconds ahead of it."""
 _SLOW_LANDING_BELOW_M = 5.0
 """MPC_LAND_ALT2: above it a landing descends at up to MPC_Z_VEL_MAX_DN."""
 _HOME_M = 0.6
@@ -67,8 +67,8 @@ class Navigator:
     def __init__(self, parameters: Parameters) -> None:
         self._parameters = parameters
         self._mode = Mode.HOLD
-        self._place: Ned | None = None
-        """Held by the modes that stay or land; None while braking."""
+        self._place = Ned(0.0, 0.0, 0.0)
+        """Held by the modes that stay, climb, land or return."""
         self._heading = math.nan
 
     def enter(self, mode: Mode, motion: Motion, takeoff_altitude_m: float) -> None:
@@ -77,10 +77,14 @@ class Navigator:
         self._mode = mode
         if after_takeoff:
             return
-        self._place = None
+        self._place = Ned(
+            motion.north + _STOPPING_S * motion.v_north,
+            motion.east + _STOPPING_S * motion.v_east,
+            motion.down + _STOPPING_S * motion.v_down,
+        )
         self._heading = motion.heading
         if mode is Mode.TAKEOFF:
-            self._place = Ned(motion.north, motion.east, min(-takeoff_altitude_m, motion.down))
+            self._place = self._place._replace(down=min(-takeoff_altitude_m, motion.down))
         elif mode is Mode.RTL:
             far = math.hypot(motion.north, motion.east) > self._parameters["RTL_MIN_DIST"]
             height = self._parameters["RTL_RETURN_ALT"] if far else 0.0
@@ -91,13 +95,13 @@ class Navigator:
         mode = self._mode
         if mode is Mode.OFFBOARD:
             return self._follow(set_point, motion)
-        north, east, down = self._stay(motion)
+        north, east, down = self._toward(self._place, motion)
         limits = self._parameters
         if mode is Mode.TAKEOFF:
             down = max(down, -limits["MPC_TKO_SPEED"])
         elif mode is Mode.LAND:
             down = self._sink(motion)
-        elif mode is Mode.RTL and self._place is not None:
+        elif mode is Mode.RTL:
             away = math.hypot(motion.north, motion.east)
             if away < _HOME_M:
                 down = self._sink(motion)
@@ -106,14 +110,6 @@ class Navigator:
         return self._limited(
             north, east, down, _HEADING_P * wrap_angle(self._heading - motion.heading), motion
         )
-
-    def _stay(self, motion: Motion) -> Ned:
-        """Brake, then hold the place where the vehicle came to rest."""
-        if self._place is None:
-            if math.hypot(motion.v_north, motion.v_east, motion.v_down) > _STANDING_M_S:
-                return Ned(0.0, 0.0, 0.0)
-            self._place = Ned(motion.north, motion.east, motion.down)
-        return self._toward(self._place, motion)
 
     def _toward(self, place: Ned, motion: Motion) -> Ned:
         """Return the velocity that closes the distance to a place, axis by axis; none where it is NaN."""

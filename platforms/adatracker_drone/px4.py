@@ -25,6 +25,12 @@ class Mode(enum.Enum):
         main, sub = self.value
         return (main << 16) | (sub << 24)
 
+    @classmethod
+    def find(cls, main: int, sub: int) -> Mode | None:
+        """Return the mode with these numbers, or None; only automatic modes have a sub mode."""
+        wanted = (main, sub if main == cls.HOLD.value[0] else 0)
+        return next((mode for mode in cls if mode.value == wanted), None)
+
     @property
     def is_auto(self) -> bool:
         """Tell whether the autopilot navigates by itself."""

@@ -21,7 +21,7 @@ class SitlSettings:
     """Mean horizontal wind; its direction is drawn from the seed."""
     gust_m_s: Annotated[float, Range(0, 5)] = 0.0
     """Standard deviation, per axis, of the wind about its mean."""
-    velocity_bias_m_s: Annotated[float, Range(0, 0.5)] = 0.1
+    velocity_bias_m_s: Annotated[float, Range(0, 0.3)] = 0.1
     """Constant error of the velocity estimate: each axis draws half to all of this, with either sign."""
     velocity_noise_m_s: Annotated[float, Range(0, 0.5)] = 0.02
     """Standard deviation of the velocity estimate's white noise, per axis."""

@@ -44,6 +44,8 @@ LONGEST_LAG_S = 0.25
 LINGER_S = 60.0
 """After its lifeline has ended the vehicle has so long, in machine time, to come to rest."""
 START_TIMEOUT_S = 20.0
+_ASKED_WRONG = 2
+"""Exit status of settings that cannot be."""
 _ANY_PORT = re.compile(r"(udpin://127\.0\.0\.1):0")
 _GCS = re.compile(r"udpout:([0-9.]+):(\d+)")
 
@@ -84,7 +86,10 @@ class DroneSitl(Sitl):
         return dataclasses.replace(self._profile, connection=connection)
 
     def close(self) -> None:
-        """End the lifeline; the vehicle lands, if its fail-safe has not already, and the process ends."""
+        """End the lifeline and wait: the process ends once the vehicle has landed, or after `LINGER_S`.
+
+        Nothing takes command here: a vehicle still in the air lands by its link or by its own fail-safe.
+        """
         process, self._process = self._process, None
         if process is None or process.stdin is None or process.stdout is None:
             return
@@ -107,6 +112,8 @@ class DroneSitl(Sitl):
             timer.cancel()
         if not line.startswith('{"ready"'):
             self.close()
+            if process.returncode == _ASKED_WRONG:
+                raise UsageError(line.strip())
             raise PlatformError(f"the simulated drone did not start: {line.strip() or 'see its error above'}")
 
 
@@ -145,8 +152,7 @@ class _Wire:
 
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.setblocking(False)
-        self.socket.bind(("127.0.0.1" if address[0].startswith("127.") else "0.0.0.0", 0))
-        self._address = address
+        self.socket.connect(address)  # from then on it hears nobody else
         self._mavlink = mavlink.MAVLink(None, srcSystem=SYSTEM, srcComponent=COMPONENT)
         self._mavlink.robust_parsing = True
 
@@ -166,7 +172,7 @@ class _Wire:
         """Send each message in a datagram of its own; a full or absent receiver loses it."""
         for message in messages:
             with contextlib.suppress(BlockingIOError, ConnectionRefusedError):
-                self.socket.sendto(message.pack(self._mavlink), self._address)
+                self.socket.send(message.pack(self._mavlink))
 
 
 class _Vehicle:
@@ -204,7 +210,7 @@ def main(argv: list[str] | None = None) -> int:
         vehicle = _power_on(settings, args.seed, args.speed, [("127.0.0.1", args.port), *gcs])
     except (UsageError, json.JSONDecodeError) as error:
         print(error, flush=True)
-        return 2
+        return _ASKED_WRONG
     lifeline_ended = threading.Event()
     if args.lifeline:
         threading.Thread(target=_outlive_stdin, args=(lifeline_ended,), daemon=True).start()

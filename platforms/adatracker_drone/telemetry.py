@@ -318,10 +318,6 @@ class Streams:
                 self._due_ns[name] = due_ns + period * ((now.t_ns - due_ns) // period + 1)
                 yield _STREAMS[name][0](now)
 
-    def is_due(self, t_ns: int) -> bool:
-        """Tell whether `due` would yield anything."""
-        return any(t_ns >= due_ns for due_ns in self._due_ns.values())
-
     def once(self, name: int, now: Instant) -> Message | None:
         """Return one message by its id, or None where there is no such stream."""
         made = _STREAMS.get(name)

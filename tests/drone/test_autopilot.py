@@ -1,13 +1,8 @@
-"""The simulated autopilot keeps PX4's rules: arming, take-off, OFFBOARD, its loss, landing, parameters."""
-
-from __future__ import annotations
+"""PX4's rules, one by one: messages and simulated time in, messages and motion out; no wire, no clock."""
 
 import math
-import struct
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as mavlink
 
 from adatracker_deploy.errors import UsageError
@@ -15,266 +10,439 @@ from adatracker_deploy.geometry import Pose
 from adatracker_deploy.platform import Twist
 from adatracker_drone.autopilot import Autopilot
 from adatracker_drone.body import STEP_S, DroneBody
-from adatracker_drone.parameters import PARAMETERS
-from adatracker_drone.px4 import Landed, Mode, Result
+from adatracker_drone.px4 import Mode, Result
 from adatracker_drone.settings import SitlSettings
 
-PEER = mavlink.MAVLink(None, srcSystem=245, srcComponent=191)
-EXACT = {"velocity_bias_m_s": 0.0, "velocity_noise_m_s": 0.0, "position_noise_m": 0.0}
+STOCK = SitlSettings(parameters={}, velocity_bias_m_s=0.0, velocity_noise_m_s=0.0, position_noise_m=0.0)
+"""PX4's defaults and an estimator without error."""
+
+BODY_NED, LOCAL_NED = mavlink.MAV_FRAME_BODY_NED, mavlink.MAV_FRAME_LOCAL_NED
+VELOCITY_AND_YAW_RATE = 1479
+POSITION_AND_YAW = 0b101111111000
 
 
 class Flight:
-    """An autopilot and its body in lock-step, and what it has said."""
+    """An autopilot and the body it flies, and everything it said."""
 
-    def __init__(self, speed: float = 1.0, **changed) -> None:
-        sitl = SitlSettings(**{**EXACT, **changed})
-        self.body = DroneBody(sitl)
-        self.body.reset(Pose(yaw=math.pi / 2), seed=1)
-        self.autopilot = Autopilot(sitl, seed=1, speed=speed)
-        self.now_s = 0.0
+    def __init__(self, settings=STOCK, *, seed=0, speed=1.0):
+        self.body = DroneBody(settings)
+        self.body.reset(Pose(), seed)
+        self.autopilot = Autopilot(settings, seed, speed)
+        self.commander = self.autopilot.commander
+        self.t_s = 0.0
         self.said = []
 
-    def ask(self, message):
-        """Send a message as a peer would, through its bytes."""
-        (received,) = PEER.parse_buffer(message.pack(PEER))
-        self.autopilot.receive(received)
-
-    def command(self, number, *params) -> Result:
-        params = (*params, *[math.nan] * (7 - len(params)))
-        self.ask(mavlink.MAVLink_command_long_message(1, 1, number, 0, *params))
-        self.said += self.autopilot.transmit()
-        return [m for m in self.said if m.get_type() == "COMMAND_ACK"][-1].result
-
-    def velocity(self, vx=0.0, vy=0.0, vz=0.0, yaw_rate=0.0):
-        self.ask(
-            mavlink.MAVLink_set_position_target_local_ned_message(
-                0, 1, 1, mavlink.MAV_FRAME_BODY_NED, 1479, 0, 0, 0, vx, vy, vz, 0, 0, 0, 0, yaw_rate
-            )
-        )
-
-    def fly(self, seconds, until=lambda _: False, **velocity):
-        """Let time pass, renewing a velocity set-point at 20 Hz if one is given."""
-        for i in range(round(seconds / STEP_S)):
-            if velocity and i % 12 == 0:
-                self.velocity(**velocity)
-            self.now_s += STEP_S
-            demand = self.autopilot.step(self.body.motion, self.now_s)
+    def run(self, seconds, *, stream=None, rate_hz=20.0):
+        """Let time pass, sending a set-point at a rate if one is given."""
+        until_s, next_s = self.t_s + seconds, self.t_s
+        while self.t_s < until_s - STEP_S / 2:
+            self.t_s += STEP_S
+            if stream is not None and self.t_s >= next_s:
+                self.send(stream)
+                next_s += 1 / rate_hz
+            demand = self.autopilot.step(self.body.motion, self.t_s)
             self.body.power = self.autopilot.power()
             self.body.step(Twist(demand.forward, -demand.right, -demand.down, -demand.yaw_rate), STEP_S)
-            self.said += self.autopilot.transmit()
-            if until(self):
-                return self
+            self.said += [(self.t_s, message) for message in self.autopilot.transmit()]
         return self
 
+    def run_until(self, condition, timeout_s=30.0, **stream):
+        end_s = self.t_s + timeout_s
+        while not condition():
+            assert self.t_s < end_s, f"still {self.mode} at {self.body.pose} after {timeout_s} s"
+            self.run(0.1, **stream)
+        return self
+
+    def send(self, message, *, system=255):
+        message.pack(mavlink.MAVLink(None, srcSystem=system, srcComponent=190))
+        self.autopilot.receive(message)
+
+    def order(self, command, *params):
+        """Send a command; return the answer."""
+        filled = [*params, *[0.0] * (7 - len(params))]
+        self.send(mavlink.MAVLink_command_long_message(1, 1, command, 0, *filled))
+        self.run(STEP_S)
+        (answer,) = [m for m in self.of("COMMAND_ACK")[-1:] if m.command == command]
+        return Result(answer.result)
+
+    def arm(self, *, force=False):
+        return self.order(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1, 21196 if force else 0)
+
+    def disarm(self, *, force=False):
+        return self.order(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0, 21196 if force else 0)
+
+    def take_off(self):
+        return self.order(mavlink.MAV_CMD_NAV_TAKEOFF, *[math.nan] * 7)
+
+    def switch(self, mode):
+        return self.order(mavlink.MAV_CMD_DO_SET_MODE, 129, *mode.value)
+
+    def set(self, name, value):
+        assert self.autopilot.parameters.set(name, value)
+        return self
+
+    def hover(self):
+        """Arm, take off and wait for the hold that ends it."""
+        self.run(1.0)
+        assert self.arm() is Result.ACCEPTED
+        assert self.take_off() is Result.ACCEPTED
+        return self.run_until(lambda: self.mode is Mode.HOLD and not self.commander.landed).run(3.0)
+
+    def offboard(self, stream):
+        self.hover().run(1.1, stream=stream)
+        assert self.switch(Mode.OFFBOARD) is Result.ACCEPTED
+        return self.run(0.1, stream=stream)
+
     @property
-    def mode(self) -> Mode:
-        return self.autopilot.commander.mode
+    def mode(self):
+        return self.commander.mode
 
-    def aloft(self):
-        """Arm, climb to 2.5 m and hold there."""
-        self.fly(1.0)
-        assert self.command(400, 1) == Result.ACCEPTED
-        assert self.command(22) == Result.ACCEPTED
-        self.fly(15, until=lambda f: f.mode is Mode.HOLD)
-        return self.fly(3)
+    def of(self, kind):
+        return [message for _, message in self.said if message.get_type() == kind]
 
-    def offboard(self, **velocity):
-        self.aloft().fly(1.2, vx=0.0)
-        assert self.command(176, 129, 6, 0) == Result.ACCEPTED
-        return self.fly(0.1, vx=0.0)
+    def texts(self):
+        return " | ".join(message.text for message in self.of("STATUSTEXT"))
 
-    def texts(self) -> str:
-        return "\n".join(m.text for m in self.said if m.get_type() == "STATUSTEXT")
+
+def velocity(forward=0.0, right=0.0, down=0.0, yaw_rate=0.0, *, frame=BODY_NED):
+    return mavlink.MAVLink_set_position_target_local_ned_message(
+        0, 1, 1, frame, VELOCITY_AND_YAW_RATE, 0, 0, 0, forward, right, down, 0, 0, 0, 0, yaw_rate
+    )
+
+
+def place(north, east, down, heading=0.0):
+    return mavlink.MAVLink_set_position_target_local_ned_message(
+        0, 1, 1, LOCAL_NED, POSITION_AND_YAW, north, east, down, 0, 0, 0, 0, 0, 0, heading, 0
+    )
+
+
+STILL = velocity()
+
+
+# Arming
 
 
 def test_arming_is_denied_until_the_estimator_is_ready():
-    flight = Flight(ekf_ready_s=2.0)
-    flight.fly(1.0)
-    assert flight.command(400, 1) == Result.REFUSED_NOW
-    flight.fly(1.1)
-    assert flight.command(400, 1) == Result.ACCEPTED
-    flight.fly(0.1)
+    flight = Flight()
+    assert flight.arm() is Result.REFUSED_NOW
     assert "Arming denied" in flight.texts()
+    flight.run(1.0)
+    assert flight.arm() is Result.ACCEPTED
 
 
-def test_take_off_climbs_and_ends_in_hold_there():
-    flight = Flight().aloft()
-    assert flight.mode is Mode.HOLD
-    assert flight.body.pose.z == pytest.approx(2.5, abs=0.3)
-    assert flight.autopilot.commander.landed_state is Landed.IN_AIR
+def test_arming_is_denied_on_an_empty_battery():
+    flight = Flight(SitlSettings(parameters={}, battery=0.1)).run(1.0)
+    assert flight.arm() is Result.REFUSED_NOW
 
 
-def test_an_armed_drone_that_does_not_take_off_disarms_itself():
-    flight = Flight()
-    flight.fly(1.0)
-    flight.command(400, 1)
-    flight.fly(PARAMETERS["COM_DISARM_PRFLT"].default + 0.5)
+def test_arming_is_denied_in_a_mode_that_needs_sticks_or_set_points():
+    flight = Flight().run(1.0)
+    for mode in (Mode.MANUAL, Mode.POSCTL, Mode.OFFBOARD, Mode.LAND):
+        assert flight.switch(mode) is Result.ACCEPTED
+        assert flight.arm() is Result.REFUSED_NOW, mode
+
+
+def test_an_armed_vehicle_that_is_not_flown_disarms_itself():
+    flight = Flight().run(1.0)
+    flight.arm()
+    flight.run(9.8)
+    assert flight.commander.armed
+    flight.run(0.4)
+    assert not flight.commander.armed
+
+
+def test_disarming_in_the_air_is_denied_and_by_force_it_falls():
+    flight = Flight().hover()
+    assert flight.disarm() is Result.REFUSED_NOW
+    assert flight.commander.armed
+    assert flight.disarm(force=True) is Result.ACCEPTED
+    flight.run(0.5)
+    assert flight.body.velocity.vz < -3.0
+
+
+@pytest.mark.parametrize("height_m", [2.5, 30.0])
+def test_what_has_fallen_lies_still_and_is_told_as_landed(height_m):
+    flight = Flight().set("MIS_TAKEOFF_ALT", height_m).hover().run(25.0 if height_m > 3 else 1.0)
+    flight.disarm(force=True)
+    flight.run(6.0)
+    assert flight.body.velocity.is_finite()
+    assert abs(flight.body.velocity.vz) < 0.1
     assert flight.autopilot.at_rest
 
 
-def test_disarming_in_the_air_is_denied():
-    flight = Flight().aloft()
-    assert flight.command(400, 0) == Result.REFUSED_NOW
-    assert flight.autopilot.commander.armed
+def test_disarming_on_the_ground_is_granted():
+    flight = Flight().run(1.0)
+    flight.arm()
+    assert flight.disarm() is Result.ACCEPTED
+    assert not flight.commander.armed
 
 
-def test_landing_ends_disarmed_on_the_ground():
-    flight = Flight().aloft()
-    flight.command(21)
-    flight.fly(20, until=lambda f: f.autopilot.at_rest)
-    assert flight.autopilot.at_rest
+# Takeoff, hold, landing, return
+
+
+def test_a_takeoff_waits_for_the_motors_then_climbs_to_its_altitude_and_holds():
+    flight = Flight().set("MIS_TAKEOFF_ALT", 2.0).run(1.0)
+    flight.arm()
+    flight.take_off()
+    flight.run(0.9)
     assert flight.body.motion.on_gear
+    flight.run_until(lambda: flight.mode is Mode.HOLD).run(5.0)
+    assert flight.body.pose.z == pytest.approx(2.0, abs=0.15)
+    assert math.hypot(flight.body.pose.x, flight.body.pose.y) < 0.2
 
 
-def test_offboard_is_denied_without_a_stream_of_set_points():
-    flight = Flight().aloft()
-    assert flight.command(176, 129, 6, 0) == Result.REFUSED_NOW
+def test_a_takeoff_to_a_height_above_sea_level_goes_there():
+    flight = Flight().run(1.0)
+    flight.arm()
+    flight.order(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, math.nan, math.nan, math.nan, 488.0 + 4.0)
+    flight.run(8.0)
+    assert flight.body.pose.z == pytest.approx(4.0, abs=0.2)
+
+
+def test_landing_touches_down_gently_is_told_and_disarms_by_itself():
+    flight = Flight().hover()
+    assert flight.order(mavlink.MAV_CMD_NAV_LAND) is Result.ACCEPTED
+    flight.run_until(lambda: flight.body.motion.on_gear)
+    assert abs(flight.body.velocity.vz) < 1.0
+    flight.run_until(lambda: flight.commander.landed)
+    landed_s = flight.t_s
+    flight.run_until(lambda: not flight.commander.armed)
+    assert flight.t_s - landed_s == pytest.approx(2.0, abs=0.2)
+    states = [message.landed_state for message in flight.of("EXTENDED_SYS_STATE")]
+    assert list(dict.fromkeys(states)) == [
+        mavlink.MAV_LANDED_STATE_ON_GROUND,
+        mavlink.MAV_LANDED_STATE_TAKEOFF,
+        mavlink.MAV_LANDED_STATE_IN_AIR,
+        mavlink.MAV_LANDED_STATE_LANDING,
+    ]
+    assert states[-1] == mavlink.MAV_LANDED_STATE_ON_GROUND
+    assert flight.autopilot.at_rest
+
+
+def test_it_lands_with_the_worst_velocity_bias_too():
+    flight = Flight(SitlSettings(velocity_bias_m_s=0.3)).hover()
+    flight.order(mavlink.MAV_CMD_NAV_LAND)
+    flight.run_until(lambda: flight.autopilot.at_rest)
+
+
+def test_after_a_flight_it_can_fly_again():
+    flight = Flight().hover()
+    flight.order(mavlink.MAV_CMD_NAV_LAND)
+    flight.run_until(lambda: flight.autopilot.at_rest)
     assert flight.mode is Mode.HOLD
+    assert flight.arm() is Result.ACCEPTED
+    assert flight.take_off() is Result.ACCEPTED
+    flight.run_until(lambda: flight.body.pose.z > 1.0)
 
 
-def test_in_offboard_it_flies_the_velocity_that_is_asked_for_in_the_level_body_frame():
-    flight = Flight().offboard()
-    assert flight.mode is Mode.OFFBOARD
-    start = flight.body.pose
-    flight.fly(4.0, vx=1.0)
-    moved = flight.body.pose
-    assert flight.body.velocity.vx == pytest.approx(1.0, abs=0.1)
-    assert moved.distance_to(start.x, start.y) > 2.5
-    assert abs(start.bearing_to(moved.x, moved.y)) < 0.05
+def test_hold_brakes_and_stays():
+    flight = Flight().offboard(velocity(forward=2.0)).run(3.0, stream=velocity(forward=2.0))
+    flight.switch(Mode.HOLD)
+    flight.run(4.0)
+    first = flight.body.pose
+    flight.run(4.0)
+    assert math.dist((first.x, first.y), (flight.body.pose.x, flight.body.pose.y)) < 0.15
 
 
-@pytest.mark.parametrize("speed", [1.0, 5.0])
-@pytest.mark.parametrize(("action", "mode"), [(0, Mode.POSCTL), (4, Mode.LAND), (5, Mode.HOLD)])
-def test_when_set_points_cease_the_fail_safe_acts_after_the_loss_time(speed, action, mode):
-    flight = Flight(speed, parameters={"COM_OBL_RC_ACT": float(action)})
-    flight.aloft().fly(1.2 * speed, vx=0.0)
-    flight.command(176, 129, 6, 0)
-    flight.fly(0.5, vx=1.0)
-    assert flight.mode is Mode.OFFBOARD
-    ceased_s = flight.now_s
-    flight.fly(10, until=lambda f: f.mode is not Mode.OFFBOARD)
-    assert flight.mode is mode
-    assert flight.now_s - ceased_s == pytest.approx(1.0 * speed, abs=0.1)
-    assert "Failsafe activated" in flight.texts()
+def test_return_comes_home_and_lands():
+    flight = Flight().offboard(velocity(forward=2.0)).run(3.0, stream=velocity(forward=2.0))
+    assert flight.body.pose.x > 4.0
+    assert flight.order(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH) is Result.ACCEPTED
+    flight.run_until(lambda: flight.autopilot.at_rest, timeout_s=40)
+    assert math.hypot(flight.body.pose.x, flight.body.pose.y) < 0.8
 
 
-def test_set_points_that_return_after_a_loss_put_it_straight_back_into_offboard():
-    flight = Flight(parameters={"COM_OBL_RC_ACT": 5.0}).offboard()
-    flight.fly(2.0)
+def test_a_fence_that_is_set_is_held():
+    flight = Flight().set("GF_MAX_HOR_DIST", 3.0).offboard(velocity(forward=1.0))
+    flight.run(8.0, stream=velocity(forward=1.0))
     assert flight.mode is Mode.HOLD
-    flight.fly(0.2, vx=0.5)
-    assert flight.mode is Mode.OFFBOARD
-
-
-def test_a_mode_that_the_user_chose_after_a_loss_stays():
-    flight = Flight(parameters={"COM_OBL_RC_ACT": 5.0}).offboard()
-    flight.fly(2.0)
-    flight.command(21)
-    flight.fly(0.5, vx=0.5)
-    assert flight.mode is Mode.LAND
-
-
-def test_a_take_off_that_finishes_takes_offboard_away_again():
-    flight = Flight()
-    flight.fly(1.0)
-    flight.command(400, 1)
-    flight.command(22)
-    flight.fly(15, until=lambda f: f.body.pose.z > 1.75, vx=0.0)
-    flight.fly(0.2, vx=0.0)
-    assert flight.command(176, 129, 6, 0) == Result.ACCEPTED
-    flight.fly(2.0, vx=0.0)
-    assert flight.mode is Mode.HOLD
-
-
-@pytest.mark.parametrize("value", [math.nan, math.inf])
-def test_a_velocity_that_is_no_number_is_no_proof_of_life(value):
-    flight = Flight(parameters={"COM_OBL_RC_ACT": 4.0}).offboard()
-    flight.fly(2.0, vx=value, vy=value, vz=value)
-    assert flight.mode is Mode.LAND
-
-
-def test_flying_by_velocity_alone_drifts_by_the_estimators_bias():
-    flight = Flight(velocity_bias_m_s=0.2).offboard()
-    before = flight.body.pose.z
-    flight.fly(8.0, vx=0.0)
-    assert abs(flight.body.pose.z - before) > 0.5
-
-
-def test_the_geofence_holds_the_drone():
-    flight = Flight(parameters={"GF_MAX_HOR_DIST": 3.0}).offboard()
-    flight.fly(6.0, vx=1.0)
-    assert flight.mode is Mode.HOLD
+    assert math.hypot(flight.body.pose.x, flight.body.pose.y) < 4.0
     assert "Geofence" in flight.texts()
 
 
-def _parameter(flight, name):
-    flight.ask(mavlink.MAVLink_param_request_read_message(1, 1, name.encode(), -1))
-    answer = [m for m in flight.autopilot.transmit() if m.get_type() == "PARAM_VALUE"][-1]
-    if answer.param_type == mavlink.MAV_PARAM_TYPE_INT32:
-        return struct.unpack("<i", struct.pack("<f", answer.param_value))[0]
-    return answer.param_value
+# Offboard: the switch
 
 
-def test_parameters_are_listed_read_and_set_byte_wise():
-    flight = Flight()
-    flight.ask(mavlink.MAVLink_param_request_list_message(1, 1))
-    listed = [m.param_id for m in flight.autopilot.transmit() if m.get_type() == "PARAM_VALUE"]
-    assert sorted(listed) == sorted(PARAMETERS)
-    four = struct.unpack("<f", struct.pack("<i", 4))[0]
-    flight.ask(mavlink.MAVLink_param_set_message(1, 1, b"COM_OBL_RC_ACT", four, 6))
-    assert _parameter(flight, "COM_OBL_RC_ACT") == 4
-    flight.ask(mavlink.MAVLink_param_set_message(1, 1, b"COM_OF_LOSS_T", 0.5, 9))
-    assert _parameter(flight, "COM_OF_LOSS_T") == 0.5
-    flight.ask(mavlink.MAVLink_param_set_message(1, 1, b"COM_OF_LOSS_T", math.nan, 9))
-    assert _parameter(flight, "COM_OF_LOSS_T") == 0.5
+def test_offboard_without_set_points_is_denied_in_flight():
+    flight = Flight().hover()
+    assert flight.switch(Mode.OFFBOARD) is Result.REFUSED_NOW
+    assert flight.run(2.0).mode is Mode.HOLD
 
 
-def test_a_parameter_in_the_settings_that_does_not_exist_is_refused():
-    with pytest.raises(UsageError, match="COM_OF_LOST_T"):
-        Flight(parameters={"COM_OF_LOST_T": 1.0})
+def test_offboard_begins_only_after_a_second_of_set_points():
+    flight = Flight().hover().run(0.1, stream=STILL)
+    asked_s = flight.t_s
+    assert flight.switch(Mode.OFFBOARD) is Result.ACCEPTED
+    flight.run(0.7, stream=STILL)
+    assert flight.mode is Mode.HOLD
+    flight.run_until(lambda: flight.mode is Mode.OFFBOARD, stream=STILL)
+    assert 0.8 < flight.t_s - asked_s < 1.2
 
 
-def test_the_streams_have_px4s_onboard_rates():
-    flight = Flight()
-    flight.fly(10.0)
-    counts = {}
-    for message in flight.said:
-        counts[message.get_type()] = counts.get(message.get_type(), 0) + 1
-    for name, rate in (("HEARTBEAT", 1), ("ATTITUDE", 100), ("LOCAL_POSITION_NED", 30), ("SYS_STATUS", 5)):
-        assert counts[name] == pytest.approx(10 * rate, rel=0.05, abs=2)
-    assert counts["HOME_POSITION"] >= 5
+def test_set_points_slower_than_two_a_second_prove_nothing():
+    flight = Flight().hover().run(2.0, stream=STILL, rate_hz=1.5)
+    flight.switch(Mode.OFFBOARD)
+    assert flight.run(3.0, stream=STILL, rate_hz=1.5).mode is Mode.HOLD
 
 
-def test_an_interval_that_was_asked_for_is_kept():
-    flight = Flight()
-    assert flight.command(511, 245, 100_000) == Result.ACCEPTED
-    flight.said.clear()
-    flight.fly(5.0)
-    assert sum(m.get_type() == "EXTENDED_SYS_STATE" for m in flight.said) == pytest.approx(50, abs=2)
-    assert flight.command(511, 99_999, 1000) == Result.DENIED
-    assert flight.command(12345) == Result.UNSUPPORTED
+def test_a_switch_whose_set_points_dry_up_before_it_took_effect_lapses():
+    flight = Flight().hover().run(0.1, stream=STILL)
+    flight.switch(Mode.OFFBOARD)
+    flight.run(2.0)
+    assert flight.run(2.0, stream=STILL).mode is Mode.HOLD
+    assert not flight.commander.failsafe
 
 
-anything = st.floats(width=32)
+def test_a_takeoff_that_finishes_after_the_switch_wins_the_race():
+    flight = Flight().run(1.0)
+    flight.arm()
+    flight.take_off()
+    ends_m = flight.autopilot.parameters["MIS_TAKEOFF_ALT"] - flight.autopilot.parameters["NAV_MC_ALT_RAD"]
+    flight.run_until(lambda: flight.body.pose.z > ends_m, stream=STILL)
+    assert flight.switch(Mode.OFFBOARD) is Result.ACCEPTED
+    assert flight.run(0.1, stream=STILL).mode is Mode.OFFBOARD
+    assert flight.run(2.0, stream=STILL).mode is Mode.HOLD
 
 
-@settings(max_examples=300, deadline=None)
-@given(
-    st.sampled_from([400, 22, 21, 20, 176, 511, 512, 520, 31000]),
-    st.lists(anything, min_size=7, max_size=7),
-    st.integers(0, 255),
+# Offboard: what is flown
+
+
+def test_a_body_velocity_turns_with_the_heading_only():
+    flight = Flight().offboard(velocity(forward=1.0, yaw_rate=0.5))
+    flight.run(3.0, stream=velocity(forward=1.0, yaw_rate=0.5))
+    moving = flight.body.velocity
+    assert moving.vx == pytest.approx(1.0, abs=0.1)
+    assert abs(moving.vy) < 0.15
+    assert moving.yaw_rate == pytest.approx(-0.5, abs=0.05)
+
+
+def test_a_local_velocity_is_north_east_down():
+    north = velocity(1.0, 0.0, -0.5, frame=LOCAL_NED)
+    flight = Flight().offboard(north).run(3.0, stream=north)
+    assert flight.body.motion.v_north == pytest.approx(1.0, abs=0.1)
+    assert flight.body.velocity.vz == pytest.approx(0.5, abs=0.1)
+
+
+def test_a_position_is_flown_to_and_its_heading_taken():
+    there = place(3.0, -2.0, -4.0, heading=0.5)
+    flight = Flight().offboard(there).run(10.0, stream=there)
+    motion = flight.body.motion
+    assert math.dist((motion.north, motion.east, motion.down), (3.0, -2.0, -4.0)) < 0.2
+    assert motion.heading == pytest.approx(0.5, abs=0.05)
+
+
+def test_the_vehicles_own_limits_hold():
+    flight = Flight().set("MPC_XY_VEL_MAX", 1.0).set("MC_YAWRATE_MAX", 20.0)
+    wild = velocity(forward=1e30, down=1e30, yaw_rate=1e30)
+    flight.offboard(STILL)
+    flight.run(0.8, stream=wild)
+    assert flight.body.velocity.vx < 1.15
+    assert flight.body.velocity.vz > -1.7
+    assert abs(flight.body.velocity.yaw_rate) < math.radians(25)
+
+
+def test_flown_by_velocity_alone_it_drifts_as_far_as_its_estimate_is_wrong():
+    flight = Flight(SitlSettings(velocity_bias_m_s=0.1), seed=3).offboard(STILL)
+    before = flight.body.pose
+    flight.run(10.0, stream=STILL)
+    climbed = abs(flight.body.pose.z - before.z)
+    assert 0.4 < climbed < 1.3
+    told = [m.vz for m in flight.of("LOCAL_POSITION_NED")[-100:]]
+    assert abs(sum(told) / len(told)) < 0.03  # and it does not know
+
+
+# Offboard: loss
+
+
+@pytest.mark.parametrize(
+    ("action", "mode"), [(0, Mode.POSCTL), (4, Mode.LAND), (5, Mode.HOLD), (3, Mode.RTL)]
 )
-def test_no_command_crashes_it_or_lifts_it_off_the_ground(command, params, target):
-    flight = HOSTILE
-    flight.ask(mavlink.MAVLink_command_long_message(target, 1, command, 0, *params))
-    flight.ask(
-        mavlink.MAVLink_set_position_target_local_ned_message(
-            0, target, 1, 8, 1479, *params, params[0], params[1], params[2], params[3]
-        )
-    )
-    flight.autopilot.step(flight.body.motion, flight.now_s)
-    for message in flight.autopilot.transmit():
-        assert message.pack(PEER)
+def test_a_lost_stream_is_acted_upon_after_its_time(action, mode):
+    flight = Flight().set("COM_OBL_RC_ACT", action).offboard(velocity(forward=1.0))
+    flight.run(2.0, stream=velocity(forward=1.0))
+    flight.run(0.9)
+    assert flight.mode is Mode.OFFBOARD
+    flight.run(0.2)
+    assert flight.mode is mode
+    assert flight.commander.failsafe
+    assert "Failsafe activated" in flight.texts()
+    flight.run(2.5)
+    assert math.hypot(flight.body.velocity.vx, flight.body.velocity.vy) < 0.3
 
 
-HOSTILE = Flight()
+def test_the_default_action_is_position_mode():
+    assert Flight().autopilot.parameters["COM_OBL_RC_ACT"] == 0
+
+
+def test_a_landing_fail_safe_ends_on_the_ground_disarmed():
+    flight = Flight().set("COM_OBL_RC_ACT", 4).offboard(STILL)
+    flight.run_until(lambda: flight.autopilot.at_rest)
+
+
+def test_loss_times_are_wall_seconds_in_a_fast_rehearsal():
+    flight = Flight(speed=5.0).hover().run(5.5, stream=STILL)
+    flight.switch(Mode.OFFBOARD)
+    flight.run(0.5, stream=STILL)
+    flight.run(4.8)
+    assert flight.mode is Mode.OFFBOARD
+    flight.run(0.4)
+    assert flight.mode is Mode.POSCTL
+
+
+def test_set_points_that_come_back_resume_offboard():
+    flight = Flight().set("COM_OBL_RC_ACT", 5).offboard(velocity(forward=1.0)).run(1.5)
+    assert flight.mode is Mode.HOLD
+    flight.run(0.2, stream=velocity(forward=1.0))
+    assert flight.mode is Mode.OFFBOARD
+    assert not flight.commander.failsafe
+
+
+def test_set_points_that_come_back_do_not_resume_once_somebody_chose_a_mode():
+    flight = Flight().offboard(velocity(forward=1.0)).run(1.5)
+    flight.switch(Mode.HOLD)
+    assert flight.run(3.0, stream=velocity(forward=1.0)).mode is Mode.HOLD
+
+
+def test_a_pilot_takes_over_while_set_points_still_come():
+    flight = Flight().offboard(velocity(forward=1.0))
+    assert flight.switch(Mode.POSCTL) is Result.ACCEPTED
+    flight.run(3.0, stream=velocity(forward=1.0))
+    assert flight.mode is Mode.POSCTL
+    assert math.hypot(flight.body.velocity.vx, flight.body.velocity.vy) < 0.2
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_a_set_point_with_nothing_finite_is_no_proof_of_life(bad):
+    flight = Flight().set("COM_OBL_RC_ACT", 4).offboard(velocity(forward=1.0))
+    flight.run(1.2, stream=velocity(bad, bad, bad, bad))
+    assert flight.mode is Mode.LAND
+
+
+def test_a_nan_beside_finite_numbers_stops_that_axis():
+    flight = Flight().offboard(velocity(forward=1.0)).run(2.0, stream=velocity(forward=1.0))
+    flight.run(3.0, stream=velocity(forward=math.nan))
+    assert flight.mode is Mode.OFFBOARD
+    assert math.hypot(flight.body.velocity.vx, flight.body.velocity.vy) < 0.1
+
+
+# The same twice
+
+
+def test_the_same_seed_gives_the_same_bytes_and_another_seed_others():
+    def bytes_of(seed):
+        flight = Flight(SitlSettings(), seed=seed).run(1.0)
+        flight.arm()
+        flight.take_off()
+        flight.run(3.0)
+        link = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+        return b"".join(message.pack(link) for _, message in flight.said)
+
+    assert bytes_of(1) == bytes_of(1)
+    assert bytes_of(1) != bytes_of(2)
+
+
+def test_an_unknown_or_impossible_parameter_in_the_settings_is_refused():
+    with pytest.raises(UsageError, match="COM_OF_LOSST"):
+        Autopilot(SitlSettings(parameters={"COM_OF_LOSST": 1.0}), 0)
+    with pytest.raises(UsageError, match="COM_OF_LOSS_T"):
+        Autopilot(SitlSettings(parameters={"COM_OF_LOSS_T": -1.0}), 0)
