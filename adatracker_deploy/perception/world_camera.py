@@ -31,19 +31,21 @@ a rehearsal at five times real time keeps up."""
 
 @dataclass(frozen=True, slots=True)
 class Anchor:
-    """Where the robot's own fixed frame lies in the world: turned by `yaw`, then moved. Heights agree."""
+    """Where the robot's own fixed frame lies in the world: turned by `yaw`, then moved."""
 
     x: float
     y: float
+    z: float
+    """Of the ground that the robot started from, where its own heights begin."""
     yaw: float
 
     @classmethod
     def between(cls, robot: Pose, world: Pose) -> Anchor:
-        """Return the anchor that takes `robot`, in its own frame, to `world`."""
+        """Return the anchor that takes `robot`, in its own frame, to above `world`, a place on the ground."""
         yaw = world.yaw - robot.yaw
         x = world.x - math.cos(yaw) * robot.x + math.sin(yaw) * robot.y
         y = world.y - math.sin(yaw) * robot.x - math.cos(yaw) * robot.y
-        return cls(x, y, yaw)
+        return cls(x, y, world.z, yaw)
 
     def to_world(self, pose: Pose) -> Pose:
         """Return a pose of the robot's frame in the world."""
@@ -51,7 +53,7 @@ class Anchor:
         return Pose(
             self.x + c * pose.x - s * pose.y,
             self.y + s * pose.x + c * pose.y,
-            pose.z,
+            self.z + pose.z,
             pose.roll,
             pose.pitch,
             pose.yaw + self.yaw,

@@ -40,11 +40,16 @@ def test_a_positive_pitch_looks_down_and_a_positive_bearing_is_left():
     assert Pose(yaw=math.pi / 2).bearing_to(-1.0, 0.0) == pytest.approx(math.pi / 2)
 
 
-@given(st.builds(Pose, lengths, lengths, yaw=angles), st.builds(Pose, lengths, lengths, yaw=angles), lengths)
+@given(
+    st.builds(Pose, lengths, lengths, lengths, yaw=angles),
+    st.builds(Pose, lengths, lengths, lengths, yaw=angles),
+    lengths,
+)
 def test_an_anchor_takes_the_start_to_the_start_and_keeps_shapes(robot, world, ahead):
     anchor = Anchor.between(robot, world)
     start = anchor.to_world(robot)
     assert (start.x, start.y) == pytest.approx((world.x, world.y), abs=1e-6)
+    assert start.z == pytest.approx(world.z + robot.z)
     moved, expected = anchor.to_world(robot @ Pose(x=ahead, y=1.0)), world @ Pose(x=ahead, y=1.0)
     assert (moved.x, moved.y) == pytest.approx((expected.x, expected.y), abs=1e-6)
 
