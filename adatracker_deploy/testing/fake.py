@@ -5,13 +5,11 @@ Tests of the loop, the gate and the link use it; it passes the same conformance 
 
 from __future__ import annotations
 
-import math
 import threading
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.geometry import Pose
 from adatracker_deploy.platform import (
     ZERO,
     Body,
@@ -25,6 +23,7 @@ from adatracker_deploy.platform import (
 )
 from adatracker_deploy.profile import CameraSettings, Profile
 from adatracker_deploy.schema import Range
+from adatracker_deploy.world.bodies import DriveSettings, KinematicBody
 
 if TYPE_CHECKING:
     from adatracker_deploy.runtime.clock import Clock
@@ -40,50 +39,6 @@ class FakeConnection:
     """The robot stops by itself when the last command is older than this."""
     engage_s: Annotated[float, Range(0, 10)] = 0.5
     """How long engaging takes."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FakeSitlSettings:
-    """The dynamics."""
-
-    camera: CameraMount = field(default_factory=lambda: CameraMount(up_m=1.0))
-    lag_s: Annotated[float, Range(0.01, 5)] = 0.1
-    """Time constant of the velocity, s."""
-
-
-class KinematicBody(Body):
-    """A ground robot whose velocity follows the command with a first-order lag."""
-
-    def __init__(self, settings: FakeSitlSettings) -> None:
-        self._settings = settings
-        self.reset(Pose(), seed=0)
-
-    def reset(self, pose: Pose, seed: int) -> None:  # noqa: ARG002 -- nothing here is random
-        """Stand still at `pose`."""
-        self._pose, self._velocity = pose, ZERO
-
-    def step(self, command: Twist, dt_s: float) -> None:
-        """Turn and go forward; the robot cannot go sideways or up."""
-        gain = 1 - math.exp(-dt_s / self._settings.lag_s)
-        vx = self._velocity.vx + gain * (command.vx - self._velocity.vx)
-        yaw_rate = self._velocity.yaw_rate + gain * (command.yaw_rate - self._velocity.yaw_rate)
-        self._velocity = Twist(vx=vx, yaw_rate=yaw_rate)
-        self._pose = self._pose @ Pose(x=vx * dt_s, yaw=yaw_rate * dt_s)
-
-    @property
-    def pose(self) -> Pose:
-        """Where the robot is, on the ground."""
-        return self._pose
-
-    @property
-    def camera_pose(self) -> Pose:
-        """Where its camera is and looks."""
-        return self._settings.camera.pose(self._pose)
-
-    @property
-    def velocity(self) -> Twist:
-        """Its velocity now."""
-        return self._velocity
 
 
 class FakeFarEnd(Sitl):
@@ -106,7 +61,7 @@ class FakePlatform(Platform):
     name = "fake"
     axes = frozenset({"vx", "yaw_rate"})
     Connection = FakeConnection
-    SitlSettings = FakeSitlSettings
+    SitlSettings = DriveSettings
     default_profile = "fake"
 
     def __init__(self, profile: Profile, clock: Clock) -> None:
@@ -219,7 +174,7 @@ class FakePlatform(Platform):
             self._now_ns = until_ns
 
 
-def fake_profile(connection: FakeConnection | None = None, sitl: FakeSitlSettings | None = None) -> Profile:
+def fake_profile(connection: FakeConnection | None = None, sitl: DriveSettings | None = None) -> Profile:
     """Return a profile for `FakePlatform`: 1 m/s and 1 rad/s at most."""
     return Profile(
         name="fake",
@@ -230,5 +185,5 @@ def fake_profile(connection: FakeConnection | None = None, sitl: FakeSitlSetting
         ),
         camera=CameraSettings(uri="world://simple_room"),
         connection=connection or FakeConnection(),
-        sitl=sitl or FakeSitlSettings(),
+        sitl=sitl or DriveSettings(camera=CameraMount(up_m=1.0), lag_s=0.1),
     )

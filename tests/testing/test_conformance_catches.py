@@ -9,7 +9,8 @@ from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.platform import ZERO, Check, Twist
 from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_deploy.testing.conformance import STOPS, PlatformConformance
-from adatracker_deploy.testing.fake import FakeConnection, FakePlatform, KinematicBody, fake_profile
+from adatracker_deploy.testing.fake import FakeConnection, FakePlatform, fake_profile
+from adatracker_deploy.world.bodies import KinematicBody
 
 
 class MovesBeforeEngage(FakePlatform):
