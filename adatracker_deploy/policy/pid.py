@@ -3,6 +3,12 @@
 It knows neither camera nor limits. The first box it sees is taken to be the wished picture, 2.5 m away; from
 then on it steers the box back there. Bearing comes from the box's centre under a nominal 90 degree field of
 view, distance from the ratio of sizes.
+
+Gains began as those of a prototype in m/s and rad/s (forward 1.0 and 0.3 to 0.8, yaw 2.2 and 0.4), divided
+by common limits, and were held to these figures in an empty room (500 steps, two seeds a cell).
+Differential drive with 0.3 s lag, cameras at 0.3 to 3 m, targets at 0.5 to 2 m/s, 10 Hz: AR 408 of 500, SR
+.95, box MR .91; only a level camera at 3 m, under which a random walker disappears, loses trials. JSBSim
+drone at 2 m, 20 Hz: box MR .96 at 0.7 m/s, .94 at 1.0, .92 at 1.3.
 """
 
 from __future__ import annotations
@@ -30,7 +36,7 @@ _LONGEST_STEP_S = 0.25
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PidGains:
-    """Gains on a normalised action; see `tests/policy/test_pid.py` for what they are held to."""
+    """Gains on a normalised action."""
 
     yaw_p: float = 1.5
     """Per rad of bearing."""
