@@ -69,7 +69,7 @@ class Navigator:
         self._mode = Mode.HOLD
         self._place = Ned(0.0, 0.0, 0.0)
         """Held by the modes that stay, climb, land or return."""
-        self._heading = math.nan
+        self._heading = 0.0
 
     def enter(self, mode: Mode, motion: Motion, takeoff_altitude_m: float) -> None:
         """Begin a mode; a hold that follows a takeoff keeps the takeoff's place."""
@@ -108,7 +108,7 @@ class Navigator:
             elif motion.down - self._place.down > 1.0:
                 north = east = 0.0  # climb first
         return self._limited(
-            north, east, down, _HEADING_P * wrap_angle(self._heading - motion.heading), motion
+            north, east, down, _HEADING_P * _finite(wrap_angle(self._heading - motion.heading)), motion
         )
 
     def _toward(self, place: Ned, motion: Motion) -> Ned:
