@@ -1,0 +1,46 @@
+"""Robots are found by name, and a missing extra is named with what to install."""
+
+from __future__ import annotations
+
+import sys
+
+import pytest
+
+from adatracker_deploy.cli import main
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.platform import load_platform, platform_names
+from adatracker_deploy.profile import load_profile
+from adatracker_deploy.testing.fake import FakePlatform
+
+
+def without(monkeypatch, library: str) -> None:
+    """Let `import library` fail as if it were not installed, and forget who has imported it."""
+    for name in list(sys.modules):
+        if name.split(".")[0] in (library, "adatracker_drone"):
+            monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, library, None)
+
+
+def test_the_drone_is_installed_and_says_what_it_can_follow():
+    assert "drone" in platform_names()
+    assert load_platform("drone").axes >= {"vx", "yaw_rate"}
+
+
+def test_a_robot_whose_library_is_missing_names_its_extra(monkeypatch):
+    without(monkeypatch, "mavsdk")
+    with pytest.raises(UsageError, match=r"needs mavsdk: pip install 'adatracker-deploy\[drone\]'"):
+        load_platform("drone")
+
+
+@pytest.mark.parametrize("library", ["mujoco", "jsbsim"])
+def test_a_rehearsal_without_a_simulator_names_the_sitl_extra(monkeypatch, capsys, tmp_path, library):
+    without(monkeypatch, library)
+    assert main(["--platform", "drone", "--sitl", "--log-dir", str(tmp_path / "trials")]) == 2
+    *_, line = capsys.readouterr().err.strip().splitlines()
+    assert f"needs {library}: pip install 'adatracker-deploy[sitl]'" in line
+    assert not (tmp_path / "trials").exists()
+
+
+def test_a_profile_of_another_robot_is_refused():
+    with pytest.raises(UsageError, match="is a profile for platform 'drone', not 'fake'"):
+        load_profile("px4_quad", FakePlatform)
