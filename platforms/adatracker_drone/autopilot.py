@@ -58,7 +58,7 @@ class Autopilot:
         self._set_point = SetPoint()
         self._estimate = Motion()
         self._now_s = 0.0
-        self._navigated = Mode.HOLD
+        self._navigated: Mode | None = None
 
     @property
     def at_rest(self) -> bool:

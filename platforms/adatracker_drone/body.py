@@ -119,7 +119,8 @@ class DroneBody(Body):
             self._run(still or self._cascade.step(demand, self.motion, STEP_S))
             motion = self._read()
             crashes = motion.on_gear and self.motion.v_down > _BREAKS_M_S
-            self._wrecked = self._wrecked or crashes or motion.down > _DEEPEST_M
+            lost = motion.down > _DEEPEST_M or not math.isfinite(sum(motion))  # NaN: JSBSim gave up
+            self._wrecked = self._wrecked or crashes or lost
             self.motion = _at_rest(self.motion) if self._wrecked else motion
 
     @property

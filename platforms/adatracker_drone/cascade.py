@@ -34,6 +34,8 @@ _INTEGRAL_LIMIT_M_S2 = 3.0
 _ATTITUDE_P = 4.5
 _RATE_P = 10.0
 _YAW_RATE_P, _YAW_RATE_I = 6.0, 2.0
+_LIFTS_OFF_M_S = 0.05
+"""On the ground only a demand to climb faster than this is one to lift off."""
 _TILT_LIMIT_RAD = math.radians(30)
 _RATE_LIMIT_RAD_S = math.radians(220)
 _THRUST_LIMITS_N = (0.12 * 4 * 3.43, 4 * 9.0)
@@ -56,7 +58,7 @@ class Cascade:
     def step(self, demand: Velocity, motion: Motion, dt_s: float) -> Motors:
         """Return the motor commands for the next `dt_s` seconds."""
         low, high = _THRUST_LIMITS_N
-        if motion.on_gear and demand.down > 0:
+        if motion.on_gear and demand.down > -_LIFTS_OFF_M_S:
             # PX4's ground-contact state: let go, or the velocity loop would lean on the gear and tip over.
             return _mix(low, (0.0, 0.0, 0.0))
         forward, right, down = self._acceleration(demand, motion, dt_s)

@@ -143,7 +143,7 @@ def _free_address(url: str) -> tuple[str, int]:
 
 
 class _Wire:
-    """One UDP link with its own MAVLink parser."""
+    """One UDP link, which sends to and hears one address alone."""
 
     def __init__(self, address: tuple[str, int]) -> None:
         from pymavlink.dialects.v20 import common as mavlink
@@ -153,8 +153,8 @@ class _Wire:
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.setblocking(False)
         self.socket.connect(address)  # from then on it hears nobody else
-        self._mavlink = mavlink.MAVLink(None, srcSystem=SYSTEM, srcComponent=COMPONENT)
-        self._mavlink.robust_parsing = True
+        self._new_parser = mavlink.MAVLink
+        self._packer = mavlink.MAVLink(None, srcSystem=SYSTEM, srcComponent=COMPONENT)
 
     def receive(self) -> list[Any]:
         """Return the decoded messages that have come in; bytes that are no message are dropped."""
@@ -162,17 +162,18 @@ class _Wire:
         with contextlib.suppress(BlockingIOError, ConnectionRefusedError):
             while True:
                 data = self.socket.recv(65535)
-                try:
-                    messages += self._mavlink.parse_buffer(data) or []
-                except Exception:  # whatever a hostile datagram provokes in the parser ends with it
-                    self._mavlink.buf_index, self._mavlink.buf = 0, bytearray()
+                # A datagram holds whole messages: a new parser for each keeps no rubbish for the next.
+                parser = self._new_parser(None)
+                parser.robust_parsing = True
+                with contextlib.suppress(Exception):  # whatever a hostile datagram provokes ends with it
+                    messages += parser.parse_buffer(data) or []
         return messages
 
     def send(self, messages: list[Any]) -> None:
         """Send each message in a datagram of its own; a full or absent receiver loses it."""
         for message in messages:
             with contextlib.suppress(BlockingIOError, ConnectionRefusedError):
-                self.socket.send(message.pack(self._mavlink))
+                self.socket.send(message.pack(self._packer))
 
 
 class _Vehicle:

@@ -8,6 +8,7 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from adatracker_deploy.errors import UsageError
 from adatracker_drone.autopilot import Autopilot
+from adatracker_drone.motion import Motion
 from adatracker_drone.px4 import Mode, Result
 from adatracker_drone.settings import SitlSettings
 
@@ -67,6 +68,11 @@ def test_disarming_on_the_ground_is_granted():
     flight.arm()
     assert flight.disarm() is Result.ACCEPTED
     assert not flight.commander.armed
+
+
+def test_before_anything_is_asked_it_stands_where_and_as_it_was_put():
+    demand = Flight().autopilot.step(Motion(heading=1.0, on_gear=True), 0.004)
+    assert demand == pytest.approx((0.0, 0.0, 0.0, 0.0), abs=1e-9)
 
 
 # Takeoff, hold, landing, return
