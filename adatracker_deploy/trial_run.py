@@ -100,6 +100,7 @@ class _Trial:
         self.stack = stack
         self.clock = MonotonicClock(speed=plan.speed)
         self.records: list[StepRecord] = []
+        self.errors: list[str] = []
 
     def run(self) -> dict[str, Any]:
         plan = self.plan
@@ -211,6 +212,9 @@ class _Trial:
     def _log_events(self) -> None:
         for event in self.link.drain_events():
             self.log.event(event.level, event.message, event.t_ns)
+            if event.level == "error":
+                self.errors.append(event.message)
+                self.progress.phase(f"error: {event.message}")
 
     def _finish(self, ending: Ending) -> dict[str, Any]:
         """Bring the robot to rest, close the log and sum up."""
@@ -225,6 +229,8 @@ class _Trial:
             self.progress.phase(f"warning: {error}")
             self.log.event("error", str(error), self.clock.now_ns())
         self._log_events()
+        if self.errors and ending.outcome == "completed":
+            ending = Ending("system_fault", self.errors[-1])  # a drone that did not land is no success
         summary = summarise(
             self.records,
             platform=self.plan.platform.name,
