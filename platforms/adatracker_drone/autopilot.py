@@ -1,7 +1,8 @@
 """A simulated PX4 on the wire: what it answers to MAVLink messages, and where it flies.
 
 Pure: decoded messages, the vehicle's true motion and the time go in; messages and a velocity demand come out.
-`commander` decides on arming and modes, `navigator` where a mode goes, `telemetry` what is told.
+`commander` decides on arming and modes, `navigator` where a mode goes, `streams` what is told and when,
+`services` answers what has nothing to do with flight.
 """
 
 from __future__ import annotations
@@ -12,16 +13,18 @@ from typing import Any
 
 from pymavlink.dialects.v20 import common as mavlink
 
+from adatracker_drone import services
 from adatracker_drone.body import Power
 from adatracker_drone.commander import FORCE, Commander
 from adatracker_drone.estimator import Estimator
 from adatracker_drone.frames import rotate
 from adatracker_drone.motion import HOME_ALTITUDE_M, Motion, Velocity
 from adatracker_drone.navigator import NOTHING, Navigator, Ned, SetPoint
-from adatracker_drone.parameters import PARAMETERS, Parameters, from_wire, to_wire
+from adatracker_drone.parameters import Parameters
 from adatracker_drone.px4 import Mode, Result
 from adatracker_drone.settings import SitlSettings
-from adatracker_drone.telemetry import Instant, Message, Streams
+from adatracker_drone.streams import Streams
+from adatracker_drone.telemetry import Instant, Message
 
 SYSTEM, COMPONENT = 1, mavlink.MAV_COMP_ID_AUTOPILOT1
 
@@ -117,6 +120,8 @@ class Autopilot:
         handler = _HANDLERS.get(message.get_type())
         if handler is not None:
             handler(self, message)
+        else:
+            self._out += services.answer(message, self.parameters, self._now_s)
 
     def _instant(self) -> Instant:
         return Instant(
@@ -224,64 +229,6 @@ class Autopilot:
             self._set_point = set_point
             self.commander.heard_set_point(self._now_s)
 
-    def _on_param_list(self, _: Any) -> None:
-        for name in PARAMETERS:
-            self._tell_parameter(name)
-
-    def _on_param_read(self, message: Any) -> None:
-        names = list(PARAMETERS)
-        by_index = 0 <= message.param_index < len(names)
-        self._tell_parameter(names[message.param_index] if by_index else message.param_id)
-
-    def _on_param_set(self, message: Any) -> None:
-        entry = PARAMETERS.get(message.param_id)
-        if entry is not None and message.param_type == entry.kind:
-            self.parameters.set(message.param_id, from_wire(entry.kind, message.param_value))
-        self._tell_parameter(message.param_id)  # the value it has now, changed or not, is the answer
-
-    def _tell_parameter(self, name: str) -> None:
-        if name not in PARAMETERS:
-            return
-        kind = PARAMETERS[name].kind
-        value = to_wire(kind, self.parameters[name])
-        self._out.append(
-            mavlink.MAVLink_param_value_message(
-                name.encode(), value, kind, len(PARAMETERS), list(PARAMETERS).index(name)
-            )
-        )
-
-    def _on_mission_list(self, message: Any) -> None:
-        self._out.append(
-            mavlink.MAVLink_mission_count_message(
-                message.get_srcSystem(), message.get_srcComponent(), 0, message.mission_type
-            )
-        )
-
-    def _on_mission_upload(self, message: Any) -> None:
-        self._acknowledge_mission(message, mavlink.MAV_MISSION_UNSUPPORTED)
-
-    def _on_mission_clear(self, message: Any) -> None:
-        self._acknowledge_mission(message, mavlink.MAV_MISSION_ACCEPTED)
-
-    def _acknowledge_mission(self, message: Any, answer: int) -> None:
-        self._out.append(
-            mavlink.MAVLink_mission_ack_message(
-                message.get_srcSystem(), message.get_srcComponent(), answer, message.mission_type
-            )
-        )
-
-    def _on_ping(self, message: Any) -> None:
-        if message.target_system == 0:  # a request; anything else is somebody's answer
-            self._out.append(
-                mavlink.MAVLink_ping_message(
-                    message.time_usec, message.seq, message.get_srcSystem(), message.get_srcComponent()
-                )
-            )
-
-    def _on_timesync(self, message: Any) -> None:
-        if message.tc1 == 0:
-            self._out.append(mavlink.MAVLink_timesync_message(round(self._now_s * 1e9), message.ts1))
-
 
 def _whole(value: float) -> int:
     """Return a parameter that is a number of something, or -1."""
@@ -293,14 +240,6 @@ _HANDLERS: dict[str, Callable[[Autopilot, Any], None]] = {
     "COMMAND_INT": Autopilot._on_command_int,
     "SET_MODE": Autopilot._on_set_mode,
     "SET_POSITION_TARGET_LOCAL_NED": Autopilot._on_local_target,
-    "PARAM_REQUEST_LIST": Autopilot._on_param_list,
-    "PARAM_REQUEST_READ": Autopilot._on_param_read,
-    "PARAM_SET": Autopilot._on_param_set,
-    "MISSION_REQUEST_LIST": Autopilot._on_mission_list,
-    "MISSION_COUNT": Autopilot._on_mission_upload,
-    "MISSION_CLEAR_ALL": Autopilot._on_mission_clear,
-    "PING": Autopilot._on_ping,
-    "TIMESYNC": Autopilot._on_timesync,
 }
 
 _COMMANDS: dict[int, Callable[[Autopilot, tuple[float, ...]], Result]] = {

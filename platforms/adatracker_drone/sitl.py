@@ -13,19 +13,18 @@ import argparse
 import contextlib
 import dataclasses
 import importlib.util
+import ipaddress
 import json
-import math
 import re
-import select
 import socket
 import subprocess
 import sys
 import threading
 import time
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from adatracker_deploy.errors import PlatformError, UsageError
-from adatracker_deploy.platform import Sitl, Twist
+from adatracker_deploy.platform import Sitl
 from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_deploy.schema import parse
 from adatracker_drone.protocol import check_url
@@ -34,16 +33,11 @@ from adatracker_drone.settings import SitlSettings
 if TYPE_CHECKING:
     from adatracker_deploy.profile import Profile
     from adatracker_deploy.runtime.clock import Clock
-    from adatracker_drone.autopilot import Autopilot
-    from adatracker_drone.body import DroneBody
+    from adatracker_drone.far_end import FarEnd
 
-BATCH_S = 0.004
-"""Machine time between two looks at the sockets."""
-LONGEST_LAG_S = 0.25
-"""A process that was kept from running for longer skips the time instead of rushing through it."""
-LINGER_S = 60.0
-"""After its lifeline has ended the vehicle has so long, in machine time, to come to rest."""
 START_TIMEOUT_S = 20.0
+STOP_TIMEOUT_S = 65.0
+"""The far end gives up on coming to rest a little sooner by itself (`far_end.LINGER_S`)."""
 _ASKED_WRONG = 2
 """Exit status of settings that cannot be."""
 _ANY_PORT = re.compile(r"(udpin://127\.0\.0\.1):0")
@@ -64,9 +58,7 @@ class DroneSitl(Sitl):
             UsageError: the port is in use, the URL is no ``udpin://``, or the sitl extra is missing.
             PlatformError: the process did not come up.
         """
-        for library in ("jsbsim", "pymavlink"):
-            if importlib.util.find_spec(library) is None:
-                raise UsageError(f"a simulated drone needs {library}: pip install 'adatracker-deploy[sitl]'")
+        _require_libraries()
         url, port = _free_address(self._profile.connection.url)
         settings = json.dumps(dataclasses.asdict(self._profile.sitl))
         epoch_ns = clock.epoch_ns if isinstance(clock, MonotonicClock) else time.monotonic_ns()
@@ -86,7 +78,7 @@ class DroneSitl(Sitl):
         return dataclasses.replace(self._profile, connection=connection)
 
     def close(self) -> None:
-        """End the lifeline and wait: the process ends once the vehicle has landed, or after `LINGER_S`.
+        """End the lifeline and wait: the process ends once the vehicle has landed, or after a minute.
 
         Nothing takes command here: a vehicle still in the air lands by its link or by its own fail-safe.
         """
@@ -95,7 +87,7 @@ class DroneSitl(Sitl):
             return
         process.stdin.close()
         try:
-            process.wait(LINGER_S + 5)
+            process.wait(STOP_TIMEOUT_S)
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
@@ -142,73 +134,13 @@ def _free_address(url: str) -> tuple[str, int]:
     return url, address[1]
 
 
-class _Wire:
-    """One UDP link, which sends to and hears one address alone."""
-
-    def __init__(self, address: tuple[str, int]) -> None:
-        from pymavlink.dialects.v20 import common as mavlink
-
-        from adatracker_drone.autopilot import COMPONENT, SYSTEM
-
-        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self.socket.setblocking(False)
-        self.socket.connect(address)  # from then on it hears nobody else
-        self._new_parser = mavlink.MAVLink
-        self._packer = mavlink.MAVLink(None, srcSystem=SYSTEM, srcComponent=COMPONENT)
-
-    def receive(self) -> list[Any]:
-        """Return the decoded messages that have come in; bytes that are no message are dropped."""
-        messages: list[Any] = []
-        with contextlib.suppress(BlockingIOError, ConnectionRefusedError):
-            while True:
-                data = self.socket.recv(65535)
-                # A datagram holds whole messages: a new parser for each keeps no rubbish for the next.
-                parser = self._new_parser(None)
-                parser.robust_parsing = True
-                with contextlib.suppress(Exception):  # whatever a hostile datagram provokes ends with it
-                    messages += parser.parse_buffer(data) or []
-        return messages
-
-    def send(self, messages: list[Any]) -> None:
-        """Send each message in a datagram of its own; a full or absent receiver loses it."""
-        for message in messages:
-            with contextlib.suppress(BlockingIOError, ConnectionRefusedError):
-                self.socket.send(message.pack(self._packer))
-
-
-class _Vehicle:
-    """The body, its autopilot and its wires, stepped together in simulated time."""
-
-    def __init__(self, body: DroneBody, autopilot: Autopilot, wires: list[_Wire]) -> None:
-        self._body, self.autopilot, self._wires = body, autopilot, wires
-        self.now_s = 0.0
-
-    def advance(self, until_s: float, step_s: float) -> None:
-        """Hear, fly and tell, up to a time since power-on."""
-        for wire in self._wires:
-            for message in wire.receive():
-                self.autopilot.receive(message)
-        while self.now_s + step_s <= until_s:
-            self.now_s += step_s
-            demand = self.autopilot.step(self._body.motion, self.now_s)
-            self._body.power = self.autopilot.power()
-            self._body.step(Twist(demand.forward, -demand.right, -demand.down, -demand.yaw_rate), step_s)
-            messages = self.autopilot.transmit()
-            for wire in self._wires:
-                wire.send(messages)
-
-    def wait(self, timeout_s: float) -> None:
-        """Wait for a message, at most so long in machine time."""
-        select.select([wire.socket for wire in self._wires], [], [], max(0.0, timeout_s))
-
-
 def main(argv: list[str] | None = None) -> int:
     """Run the far end until it is told to end; return the exit status."""
     args = _arguments().parse_args(argv)
     try:
         settings = parse(SitlSettings, json.loads(args.settings), where="settings")
         gcs = _gcs_address(args.gcs or settings.gcs)
-        vehicle = _power_on(settings, args.seed, args.speed, [("127.0.0.1", args.port), *gcs])
+        far_end = _power_on(settings, args.seed, args.speed, [("127.0.0.1", args.port), *gcs])
     except (UsageError, json.JSONDecodeError) as error:
         print(error, flush=True)
         return _ASKED_WRONG
@@ -217,8 +149,21 @@ def main(argv: list[str] | None = None) -> int:
         threading.Thread(target=_outlive_stdin, args=(lifeline_ended,), daemon=True).start()
     print(json.dumps({"ready": {"port": args.port, "gcs": gcs}}), flush=True)
     with contextlib.suppress(KeyboardInterrupt):
-        _serve(vehicle, MonotonicClock(args.speed, args.epoch_ns), lifeline_ended)
+        far_end.serve(MonotonicClock(args.speed, args.epoch_ns), lifeline_ended)
     return 0
+
+
+def _power_on(settings: SitlSettings, seed: int, speed: float, addresses: list[tuple[str, int]]) -> FarEnd:
+    _require_libraries()
+    from adatracker_drone.far_end import FarEnd
+
+    return FarEnd(settings, seed, speed, addresses)
+
+
+def _require_libraries() -> None:
+    for library in ("jsbsim", "pymavlink"):
+        if importlib.util.find_spec(library) is None:
+            raise UsageError(f"a simulated drone needs {library}: pip install 'adatracker-deploy[sitl]'")
 
 
 def _outlive_stdin(ended: threading.Event) -> None:
@@ -226,55 +171,41 @@ def _outlive_stdin(ended: threading.Event) -> None:
     ended.set()
 
 
-def _power_on(settings: SitlSettings, seed: int, speed: float, addresses: list[tuple[str, int]]) -> _Vehicle:
-    from adatracker_deploy.geometry import Pose
-    from adatracker_drone.autopilot import Autopilot
-    from adatracker_drone.body import DroneBody
-
-    body = DroneBody(settings)
-    body.reset(Pose(yaw=math.radians(settings.yaw_deg)), seed)
-    autopilot = Autopilot(settings, seed, speed)
-    return _Vehicle(body, autopilot, [_Wire(address) for address in addresses])
-
-
-def _serve(vehicle: _Vehicle, clock: MonotonicClock, lifeline_ended: threading.Event) -> None:
-    from adatracker_drone.body import STEP_S
-
-    power_on_ns = clock.now_ns()
-    batch_ns = round(max(BATCH_S * clock.speed, STEP_S) * 1e9)
-    deadline_ns = power_on_ns
-    give_up_s: float | None = None
-    while True:
-        behind_s = (clock.now_ns() - power_on_ns) / 1e9 - vehicle.now_s
-        if behind_s > LONGEST_LAG_S * clock.speed:
-            power_on_ns += round(behind_s * 1e9)
-        vehicle.advance((clock.now_ns() - power_on_ns) / 1e9, STEP_S)
-        if lifeline_ended.is_set():
-            give_up_s = give_up_s or time.monotonic() + LINGER_S
-            if vehicle.autopilot.at_rest or time.monotonic() > give_up_s:
-                return
-        deadline_ns = max(deadline_ns + batch_ns, clock.now_ns())
-        vehicle.wait((deadline_ns - clock.now_ns()) / 1e9 / clock.speed)
-
-
 def _gcs_address(text: str) -> list[tuple[str, int]]:
     if not text:
         return []
     match = _GCS.fullmatch(text)
-    if match is None or not 0 < int(match[2]) < 2**16:
-        raise UsageError(f"gcs {text!r}: expected udpout:ADDRESS:PORT, for example udpout:127.0.0.1:14550")
-    return [(match[1], int(match[2]))]
+    try:
+        if match is None:
+            raise ValueError
+        return [(str(ipaddress.IPv4Address(match[1])), _port(match[2]))]
+    except (ValueError, argparse.ArgumentTypeError):
+        raise UsageError(
+            f"gcs {text!r}: expected udpout:ADDRESS:PORT, for example udpout:127.0.0.1:14550"
+        ) from None
+
+
+def _port(text: str) -> int:
+    if not text.isdecimal() or not 0 < int(text) < 2**16:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a UDP port (1 to 65535)")
+    return int(text)
+
+
+def _speed(text: str) -> float:
+    if not 0.05 <= float(text) <= 50:
+        raise argparse.ArgumentTypeError(f"{text} is not between 0.05 and 50")
+    return float(text)
 
 
 def _arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m adatracker_drone.sitl", description="A simulated PX4 drone."
     )
-    parser.add_argument("--port", type=int, default=14540, help="UDP port of this machine to send to")
+    parser.add_argument("--port", type=_port, default=14540, help="UDP port of this machine to send to")
     parser.add_argument("--gcs", default="", help="a second link: udpout:ADDRESS:PORT")
     parser.add_argument("--seed", type=int, default=0, help="of estimation errors and wind")
     parser.add_argument("--settings", default="{}", help="the profile's sitl: section, as JSON")
-    parser.add_argument("--speed", type=float, default=1.0, help="times real time")
+    parser.add_argument("--speed", type=_speed, default=1.0, help="times real time")
     parser.add_argument("--epoch-ns", type=int, default=time.monotonic_ns(), help="of the shared clock")
     parser.add_argument(
         "--lifeline", action="store_true", help="end when stdin does and the drone is at rest"

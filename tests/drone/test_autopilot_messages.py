@@ -13,6 +13,7 @@ from adatracker_drone.autopilot import _HANDLERS, Autopilot
 from adatracker_drone.motion import Motion
 from adatracker_drone.parameters import PARAMETERS, Kind, from_wire, to_wire
 from adatracker_drone.px4 import Mode, Result
+from adatracker_drone.services import SERVICES
 
 
 def carried(name, value):
@@ -241,7 +242,7 @@ def test_whole_numbers_travel_byte_wise(value):
 # Hostile input
 
 MESSAGES = sorted(mavlink.mavlink_map)
-UNDERSTOOD = [number for number in MESSAGES if mavlink.mavlink_map[number].msgname in _HANDLERS]
+UNDERSTOOD = [number for number in MESSAGES if mavlink.mavlink_map[number].msgname in {*_HANDLERS, *SERVICES}]
 NUMBERS = st.one_of(st.floats(width=32), st.integers(0, 255).map(float))
 
 

@@ -25,9 +25,10 @@ from pymavlink.dialects.v20 import common as mavlink
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.profile import load_profile
 from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_drone.far_end import Wire
 from adatracker_drone.parameters import PARAMETERS, Kind, from_wire
 from adatracker_drone.platform import DronePlatform
-from adatracker_drone.sitl import DroneSitl, _Wire
+from adatracker_drone.sitl import DroneSitl
 
 
 def until(condition, timeout_s=30.0):
@@ -94,7 +95,9 @@ def test_closing_what_was_never_started_is_fine():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("sitl", [{"parameters": {"COM_OF_LOSST": 1.0}}, {"gcs": "udp:14550"}])
+@pytest.mark.parametrize(
+    "sitl", [{"parameters": {"COM_OF_LOSST": 1.0}}, {"gcs": "udp:14550"}, {"gcs": "udpout:127.0.0.999:14550"}]
+)
 def test_settings_that_cannot_be_are_the_users_mistake(sitl):
     with pytest.raises(UsageError, match=r"COM_OF_LOSST|udpout:127\.0\.0\.1:14550"):
         DroneSitl(profile(**sitl)).start(MonotonicClock(), 0)
@@ -112,7 +115,7 @@ def test_settings_that_cannot_be_are_the_users_mistake(sitl):
 def test_no_bytes_upset_a_link_nor_hide_the_message_that_follows(datagrams):
     ping = mavlink.MAVLink_ping_message(1, 2, 0, 0).pack(mavlink.MAVLink(None, srcSystem=255))
     with bound_socket() as peer:
-        wire = _Wire(peer.getsockname())
+        wire = Wire(peer.getsockname())
         with wire.socket:
             for datagram in [*datagrams, ping]:
                 peer.sendto(datagram, wire.socket.getsockname())
@@ -122,7 +125,7 @@ def test_no_bytes_upset_a_link_nor_hide_the_message_that_follows(datagrams):
 def test_a_link_hears_its_own_peer_only():
     ping = mavlink.MAVLink_ping_message(1, 2, 0, 0).pack(mavlink.MAVLink(None, srcSystem=255))
     with bound_socket() as peer, bound_socket() as stranger:
-        wire = _Wire(peer.getsockname())
+        wire = Wire(peer.getsockname())
         with wire.socket:
             stranger.sendto(ping, wire.socket.getsockname())
             assert wire.receive() == []

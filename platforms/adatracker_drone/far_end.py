@@ -1,0 +1,117 @@
+"""Inside the far end: a body and its autopilot, stepped together on the shared clock, and their links."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import select
+import socket
+import threading
+import time
+
+from pymavlink.dialects.v20 import common as mavlink
+
+from adatracker_deploy.geometry import Pose
+from adatracker_deploy.platform import Twist
+from adatracker_deploy.runtime.clock import Clock
+from adatracker_drone.autopilot import COMPONENT, SYSTEM, Autopilot
+from adatracker_drone.body import STEP_S, DroneBody
+from adatracker_drone.settings import SitlSettings
+from adatracker_drone.telemetry import Message
+
+BATCH_S = 0.004
+"""Machine time between two looks at the sockets."""
+LONGEST_LAG_S = 0.25
+"""A process that was kept from running for longer skips the time instead of rushing through it."""
+LINGER_S = 60.0
+"""After its lifeline has ended the vehicle has so long, in machine time, to come to rest."""
+_MOST_DATAGRAMS = 200
+"""Read at one look: a flood must not keep the vehicle from being flown."""
+
+
+class Wire:
+    """One UDP link, which sends to and hears one address alone."""
+
+    def __init__(self, address: tuple[str, int]) -> None:
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.setblocking(False)
+        self.socket.connect(address)  # from then on it hears nobody else
+        self._packer = mavlink.MAVLink(None, srcSystem=SYSTEM, srcComponent=COMPONENT)
+
+    def receive(self) -> list[Message]:
+        """Return the decoded messages that have come in; bytes that are no message are dropped."""
+        messages: list[Message] = []
+        with contextlib.suppress(BlockingIOError, ConnectionRefusedError):
+            for _ in range(_MOST_DATAGRAMS):
+                data = self.socket.recv(65535)
+                # A datagram holds whole messages: a new parser for each keeps no rubbish for the next.
+                parser = mavlink.MAVLink(None)
+                parser.robust_parsing = True
+                with contextlib.suppress(Exception):  # whatever a hostile datagram provokes ends with it
+                    messages += parser.parse_buffer(data) or []
+        return messages
+
+    def send(self, messages: list[Message]) -> None:
+        """Send each message in a datagram of its own; a full or absent receiver loses it."""
+        for message in messages:
+            with contextlib.suppress(BlockingIOError, ConnectionRefusedError):
+                self.socket.send(message.pack(self._packer))
+
+
+class FarEnd:
+    """One vehicle, standing on the ground with its power on, and its links."""
+
+    def __init__(
+        self, settings: SitlSettings, seed: int, speed: float, addresses: list[tuple[str, int]]
+    ) -> None:
+        """Switch it on.
+
+        Args:
+            settings: of the simulated vehicle.
+            seed: of its wind and its estimation errors.
+            speed: times real time; see `Autopilot`.
+            addresses: where each link sends.
+
+        Raises:
+            UsageError: a PX4 parameter in the settings does not exist or is out of range.
+        """
+        self._autopilot = Autopilot(settings, seed, speed)
+        self._body = DroneBody(settings)
+        self._body.reset(Pose(yaw=math.radians(settings.yaw_deg)), seed)
+        self._wires = [Wire(address) for address in addresses]
+        self._ticks = 0
+
+    def serve(self, clock: Clock, lifeline_ended: threading.Event) -> None:
+        """Run until the lifeline has ended and the vehicle rests, or `LINGER_S` after that end."""
+        power_on_ns = deadline_ns = clock.now_ns()
+        batch_ns = round(max(BATCH_S * clock.speed, STEP_S) * 1e9)
+        give_up_s = math.inf
+        while True:
+            behind_s = (clock.now_ns() - power_on_ns) / 1e9 - self._ticks * STEP_S
+            if behind_s > LONGEST_LAG_S * clock.speed:
+                power_on_ns += round(behind_s * 1e9)
+            self._advance((clock.now_ns() - power_on_ns) / 1e9)
+            if lifeline_ended.is_set():
+                give_up_s = min(give_up_s, time.monotonic() + LINGER_S)
+                if self._autopilot.at_rest or time.monotonic() > give_up_s:
+                    return
+            deadline_ns = max(deadline_ns + batch_ns, clock.now_ns())
+            self._wait((deadline_ns - clock.now_ns()) / 1e9 / clock.speed)
+
+    def _advance(self, until_s: float) -> None:
+        """Hear, fly and tell, up to a time since power-on."""
+        for wire in self._wires:
+            for message in wire.receive():
+                self._autopilot.receive(message)
+        while (self._ticks + 1) * STEP_S <= until_s:
+            self._ticks += 1
+            demand = self._autopilot.step(self._body.motion, self._ticks * STEP_S)
+            self._body.power = self._autopilot.power()
+            self._body.step(Twist(demand.forward, -demand.right, -demand.down, -demand.yaw_rate), STEP_S)
+            messages = self._autopilot.transmit()
+            for wire in self._wires:
+                wire.send(messages)
+
+    def _wait(self, timeout_s: float) -> None:
+        """Wait for a message, at most so long in machine time."""
+        select.select([wire.socket for wire in self._wires], [], [], max(0.0, timeout_s))
