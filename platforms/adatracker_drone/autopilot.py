@@ -111,6 +111,12 @@ class Autopilot:
         messages, self._out = [*self._out, *self._streams.due(self._instant())], []
         return messages
 
+    def farewell(self) -> list[Message]:
+        """Return the last words before power goes off: that it rests would else be told at 1 Hz."""
+        self._tell(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
+        self._tell(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE)
+        return self.transmit()
+
     def receive(self, message: Message) -> None:
         """Take in one decoded message; what is for another vehicle, or not understood, is ignored."""
         if getattr(message, "target_system", SYSTEM) not in (0, SYSTEM):

@@ -94,6 +94,7 @@ class FarEnd:
             if lifeline_ended.is_set():
                 give_up_s = min(give_up_s, time.monotonic() + LINGER_S)
                 if self._autopilot.at_rest or time.monotonic() > give_up_s:
+                    self._send(self._autopilot.farewell())
                     return
             deadline_ns = max(deadline_ns + batch_ns, clock.now_ns())
             self._wait((deadline_ns - clock.now_ns()) / 1e9 / clock.speed)
@@ -108,9 +109,11 @@ class FarEnd:
             demand = self._autopilot.step(self._body.motion, self._ticks * STEP_S)
             self._body.power = self._autopilot.power()
             self._body.step(Twist(demand.forward, -demand.right, -demand.down, -demand.yaw_rate), STEP_S)
-            messages = self._autopilot.transmit()
-            for wire in self._wires:
-                wire.send(messages)
+            self._send(self._autopilot.transmit())
+
+    def _send(self, messages: list[Message]) -> None:
+        for wire in self._wires:
+            wire.send(messages)
 
     def _wait(self, timeout_s: float) -> None:
         """Wait for a message, at most so long in machine time."""
