@@ -29,9 +29,10 @@ def command(tmp_path_factory):
     site = Path(sysconfig.get_path("purelib", "venv", scheme))
     install = [sys.executable, "-m", "pip", "--python", environment / "bin" / "python", "install"]
     subprocess.run([*install, "-q", "--no-deps", "--no-index", wheel], check=True)
-    # Path entries of a .pth file are searched after the wheel, and their own .pth files, which would lead
-    # back to an editable checkout, are not read.
-    (site / "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
+    # Everything but this project, whose editable install must not be found, is there as if installed.
+    for entry in Path(sysconfig.get_path("purelib")).iterdir():
+        if "adatracker" not in entry.name and entry.suffix != ".pth" and not (site / entry.name).exists():
+            (site / entry.name).symlink_to(entry)
     return environment / "bin" / "adatracker-deploy"
 
 
