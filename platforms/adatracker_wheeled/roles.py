@@ -1,0 +1,184 @@
+"""Which messages of a DBC do what: the ``roles:`` part of a wheeled base's profile.
+
+A base of one's own needs its DBC and this. Values are linked as *quantity: signal*, where the quantity's name
+carries its unit and the signal is the DBC's. ``{signal: NAME, scale: S}`` says that quantity = S times signal,
+for a mirrored motor (-1), a percentage (0.01) or a unit that is not in the table.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated, Literal, get_args
+
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.schema import Range
+
+Speed = Literal[
+    "vx_m_s", "vy_m_s", "yaw_rate_rad_s", "steering_rad",
+    "left_m_s", "left_rad_s", "left_turns_s", "right_m_s", "right_rad_s", "right_turns_s",
+]  # fmt: skip
+"""Quantities of commands and of measured motion: body velocity, steering angle (left positive), wheel speeds."""
+Distance = Literal["left_m", "left_rad", "left_turns", "right_m", "right_rad", "right_turns"]
+"""Quantities of odometry: how far the wheels have rolled since power-on."""
+Charge = Literal["charge", "volts"]
+"""Quantities of a battery: state of charge from 0 to 1, voltage in V."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scaled:
+    """A signal whose value is not yet in the quantity's unit: quantity = scale times signal."""
+
+    signal: str
+    scale: Annotated[float, Range(-1e9, 1e9)] = 1.0
+
+
+Links = dict[str, str | Scaled]
+"""From a quantity to the signal that carries it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Linked:
+    """A message and the quantities that its signals carry."""
+
+    message: str
+    signals: Links
+    constants: dict[str, float] = field(default_factory=dict)
+    """Signals that always have the same value; a frame with another value has another meaning."""
+    counter: str | None = None
+    """The signal that counts frames, where the base wants one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fixed:
+    """A message that is sent with fixed values; signals that are not named are zero."""
+
+    message: str
+    values: dict[str, float]
+    counter: str | None = None
+    """The signal that counts frames, where the base wants one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class State:
+    """How the base tells its condition."""
+
+    messages: tuple[str, ...]
+    """One, or one an axis with the same signals: the base is what the worst of them says."""
+    mode: str
+    """The signal that tells who drives; its values are listed next."""
+    ours: tuple[int, ...]
+    standby: tuple[int, ...] = ()
+    """Also a value that means both standby and remote control: such a base shows which by refusing to enable."""
+    remote: tuple[int, ...] = ()
+    condition: str | None = None
+    """The signal that tells the base's health; a value in neither of the next lists is a fault."""
+    ok: tuple[int, ...] = (0,)
+    emergency_stop: tuple[int, ...] = ()
+    errors: str | None = None
+    """The signal whose bits are errors; every bit that is set and no warning is a fault."""
+    faults: dict[str, Annotated[int, Range(0, 63)]] = field(default_factory=dict)
+    """Names of its bits, 0 the least significant."""
+    warnings: tuple[Annotated[int, Range(0, 63)], ...] = ()
+    """Bits that stop nothing."""
+    volts: str | None = None
+    count: str | None = None
+
+    def __post_init__(self) -> None:
+        _once("mode", self.ours + self.standby + self.remote)
+        _once("condition", self.ok + self.emergency_stop)
+        _once("fault bit", tuple(self.faults.values()))
+        if not self.messages or not self.ours:
+            raise UsageError("roles: state: needs at least one message and one value of ours")
+
+
+def _once(what: str, values: tuple[int, ...]) -> None:
+    for value in values:
+        if values.count(value) > 1:
+            raise UsageError(f"roles: state: {what} {value} is given two meanings; list it once")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Timing:
+    """Periods and time-outs, s."""
+
+    command_period_s: Annotated[float, Range(0.005, 0.2)] = 0.02
+    base_timeout_s: Annotated[float, Range(0.02, 2)] = 0.5
+    """Without a command for this long the base stops by itself."""
+    state_period_s: Annotated[float, Range(0.005, 2)] = 0.1
+    state_timeout_s: Annotated[float, Range(0.05, 5)] = 0.5
+    """Without its state for this long the base is driven no further."""
+    feedback_period_s: Annotated[float, Range(0.002, 1)] = 0.02
+    feedback_timeout_s: Annotated[float, Range(0.02, 5)] = 0.2
+    """Without its measured motion for this long the base is driven no further."""
+    battery_period_s: Annotated[float, Range(0.02, 60)] = 1.0
+
+    def __post_init__(self) -> None:
+        for shorter, longer in (
+            ("command_period_s", "base_timeout_s"),
+            ("state_period_s", "state_timeout_s"),
+            ("feedback_period_s", "feedback_timeout_s"),
+        ):
+            if getattr(self, shorter) >= getattr(self, longer):
+                raise UsageError(f"roles: timing: {shorter} must be shorter than {longer}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wheels:
+    """The driven wheels; the track also turns wheel odometry into a heading."""
+
+    track_m: Annotated[float, Range(0.05, 5)]
+    """Between left and right; the effective one for a base that skids when it turns."""
+    radius_m: Annotated[float, Range(0.01, 1)] | None = None
+    """Needed when the wire speaks of wheel angles."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Steering:
+    """A base that steers like a car."""
+
+    wheelbase_m: Annotated[float, Range(0.05, 5)]
+    max_angle_rad: Annotated[float, Range(0.05, 1.5)]
+    """Largest angle of the steered wheels, as the wire speaks of it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Roles:
+    """The whole of ``roles:``."""
+
+    dbc: str
+    """A shipped file's name, or a path; a relative path is relative to the working directory."""
+    checksum: Literal["none", "agilex_v1"] = "none"
+    """How frames are protected: ``agilex_v1`` sums them up into their last byte."""
+    drive: Literal["twist", "differential", "ackermann"] = "twist"
+    """What the base takes: a velocity, a speed for each side, or a speed and a steering angle."""
+    wheels: Wheels | None = None
+    steering: Steering | None = None
+    command: tuple[Linked, ...]
+    enable: tuple[Fixed, ...] = ()
+    disable: tuple[Fixed, ...] = ()
+    clear_errors: tuple[Fixed, ...] = ()
+    release_brake: tuple[Fixed, ...] = ()
+    state: State
+    feedback: tuple[Linked, ...]
+    odometry: tuple[Linked, ...] = ()
+    battery: tuple[Linked, ...] = ()
+    timing: Timing = field(default_factory=Timing)
+
+    def __post_init__(self) -> None:
+        if self.drive == "differential" and self.wheels is None:
+            raise UsageError("roles: drive: differential needs wheels: {track_m: ...}")
+        if self.drive == "ackermann" and self.steering is None:
+            raise UsageError("roles: drive: ackermann needs steering: {wheelbase_m: ..., max_angle_rad: ...}")
+        for role, known in (
+            ("command", Speed),
+            ("feedback", Speed),
+            ("odometry", Distance),
+            ("battery", Charge),
+        ):
+            for linked in getattr(self, role):
+                for quantity in linked.signals:
+                    if quantity not in get_args(known):
+                        raise UsageError(
+                            f"roles: {role}: {linked.message}: unknown quantity {quantity!r}; "
+                            f"known are {', '.join(get_args(known))}"
+                        )
