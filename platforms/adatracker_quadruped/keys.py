@@ -1,0 +1,97 @@
+"""Where each message goes: Zenoh key expressions of ROS 2 topics in both dialects, and rmw_zenoh's attachment."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from adatracker_quadruped import protocol, sport
+from adatracker_quadruped.protocol import Malformed
+
+if TYPE_CHECKING:
+    from adatracker_quadruped.connection import Connection
+
+_COMMAND_TYPES = {
+    "twist": protocol.TWIST,
+    "twist_stamped": protocol.TWIST_STAMPED,
+    "unitree_sport": sport.REQUEST,
+}
+GID_BYTES = 16
+_ATTACHMENT = struct.Struct(f"<qqB{GID_BYTES}s")
+
+
+@dataclass(frozen=True, slots=True)
+class Keys:
+    """The key expressions of a connection's topics; empty where the topic is."""
+
+    connection: Connection
+
+    @property
+    def command(self) -> str:
+        """Of the commands, in the type that the connection names."""
+        return self._key(self.connection.command_topic, _COMMAND_TYPES[self.connection.command])
+
+    @property
+    def odometry(self) -> str:
+        """Of nav_msgs/Odometry."""
+        return self._key(self.connection.odometry_topic, protocol.ODOMETRY)
+
+    @property
+    def imu(self) -> str:
+        """Of sensor_msgs/Imu."""
+        return self._key(self.connection.imu_topic, protocol.IMU)
+
+    @property
+    def battery(self) -> str:
+        """Of sensor_msgs/BatteryState."""
+        return self._key(self.connection.battery_topic, protocol.BATTERY_STATE)
+
+    @property
+    def camera(self) -> str:
+        """Of sensor_msgs/CompressedImage."""
+        return self._key(self.connection.camera_topic, protocol.COMPRESSED_IMAGE)
+
+    @property
+    def attaches(self) -> bool:
+        """Whether every message carries an `attachment`; without one rmw_zenoh drops it."""
+        return self.connection.dialect == "rmw_zenoh"
+
+    def _key(self, topic: str, type_name: str) -> str:
+        if not topic:
+            return ""
+        namespace = self.connection.namespace.strip("/")
+        name = f"{namespace}/{topic.strip('/')}".lstrip("/")
+        if self.connection.dialect == "ros2dds":
+            return name
+        type_hash = protocol.STORE.hash_rihs01(type_name)
+        return f"{self.connection.domain}/{name}/{_dds_name(type_name)}/{type_hash}"
+
+
+def attachment(sequence: int, t_ns: int, gid: bytes) -> bytes:
+    """Return what rmw_zenoh attaches to a message.
+
+    Args:
+        sequence: counts the publisher's messages.
+        t_ns: when it was sent, ns since 1970.
+        gid: the publisher's identity, 16 bytes.
+    """
+    return _ATTACHMENT.pack(sequence, t_ns, GID_BYTES, gid)
+
+
+def parse_attachment(payload: bytes) -> tuple[int, int, bytes]:
+    """Return (sequence, t_ns, gid) of an attachment.
+
+    Raises:
+        Malformed: it is not one.
+    """
+    if len(payload) != _ATTACHMENT.size or payload[16] != GID_BYTES:
+        raise Malformed(f"an attachment of {len(payload)} bytes is not rmw_zenoh's")
+    sequence, t_ns, _, gid = _ATTACHMENT.unpack(payload)
+    return sequence, t_ns, gid
+
+
+def _dds_name(type_name: str) -> str:
+    """Return ``geometry_msgs::msg::dds_::Twist_`` of ``geometry_msgs/msg/Twist``."""
+    package, kind, name = type_name.split("/")
+    return f"{package}::{kind}::dds_::{name}_"
