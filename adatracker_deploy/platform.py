@@ -19,6 +19,7 @@ from adatracker_deploy.schema import Range
 if TYPE_CHECKING:
     from types import TracebackType
 
+    from adatracker_deploy.perception.camera import Camera
     from adatracker_deploy.profile import Profile
     from adatracker_deploy.runtime.clock import Clock
 
@@ -31,6 +32,7 @@ __all__ = [
     "Platform",
     "PlatformError",
     "PlatformState",
+    "Scenario",
     "Sitl",
     "Twist",
     "load_platform",
@@ -162,15 +164,26 @@ class Body(abc.ABC):
         """The velocity now, in the body frame."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scenario:
+    """What a rehearsal is about: a far end that carries its own camera puts its robot into this world."""
+
+    scene: str = "simple_room"
+    target_speed_m_s: float = 1.0
+    seed: int = 0
+    """Of the world, and of all that is random in the simulated robot."""
+
+
 class Sitl(abc.ABC):
     """The simulated far end of a robot's wire, in a process of its own."""
 
     @abc.abstractmethod
-    def start(self, clock: Clock, seed: int) -> Profile:
-        """Start the far end; return the profile whose connection reaches it.
+    def start(self, clock: Clock, scenario: Scenario) -> Profile:
+        """Start the far end; return the profile whose connection, and camera if it has one, reach it.
 
         Raises:
             UsageError: a port is taken or an extra is missing.
+            PlatformError: the far end did not come up.
         """
 
     @abc.abstractmethod
@@ -248,6 +261,20 @@ class Platform(abc.ABC):
     @abc.abstractmethod
     def close(self) -> None:
         """Release the wire."""
+
+    @classmethod
+    def camera(cls, profile: Profile, clock: Clock) -> Camera:  # noqa: ARG003 -- for those that have one
+        """Return the camera that the robot carries on its own wire, for a ``robot://`` URI; not open yet.
+
+        It is read in another process than the one that drives, so it shares nothing with an adapter.
+
+        Raises:
+            UsageError: the robot has none.
+        """
+        raise UsageError(
+            f"camera {profile.camera.uri}: {cls.name} carries no camera on its own wire; "
+            "give a device, a file or an address with --camera"
+        )
 
     @classmethod
     @abc.abstractmethod

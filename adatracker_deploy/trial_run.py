@@ -11,12 +11,14 @@ import gc
 import math
 import signal
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
-from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.perception.camera import ROBOT, scene_of
 from adatracker_deploy.perception.pipeline import Perception, Seen
 from adatracker_deploy.perception.segmenter import segment_truth
+from adatracker_deploy.perception.sources import open_source
 from adatracker_deploy.perception.world_camera import WorldCamera
 from adatracker_deploy.platform import ZERO
 from adatracker_deploy.runtime.clock import MonotonicClock
@@ -31,7 +33,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from adatracker_deploy.geometry import Pose
-    from adatracker_deploy.platform import Check, Platform
+    from adatracker_deploy.perception.camera import Camera
+    from adatracker_deploy.platform import Check, Platform, Scenario
     from adatracker_deploy.policy.base import Policy
     from adatracker_deploy.profile import Profile
     from adatracker_deploy.trial.record import StepRecord
@@ -54,11 +57,11 @@ class TrialPlan:
     platform: type[Platform]
     profile: Profile
     policy: Policy
-    scene: str
+    scenario: Scenario
+    camera: str
+    """The camera's URI; empty for the profile's, or the far end's own in a rehearsal."""
     sitl: bool
     steps: int
-    target_speed_m_s: float
-    seed: int
     speed: float
     """Seconds of the run's clock per second of the machine's; 1 on real robots."""
     log_dir: Path
@@ -107,9 +110,9 @@ class _Trial:
         profile = plan.profile
         if plan.sitl:
             self.progress.phase(f"starting the simulated {plan.platform.name}")
-            profile = self.stack.enter_context(plan.platform.sitl(profile)).start(self.clock, plan.seed)
+            profile = self.stack.enter_context(plan.platform.sitl(profile)).start(self.clock, plan.scenario)
         self.link = self.stack.enter_context(LinkProcess(plan.platform, profile, self.clock))
-        camera = self._virtual_camera(profile)
+        camera = self._open_camera(profile)
         self.progress.phase("connecting")
         self._refuse_unready(self.link.connect())
         self.log = TrialLog.create(
@@ -132,10 +135,32 @@ class _Trial:
         with _uninterrupted():
             return self._finish(ending)
 
+    def _open_camera(self, profile: Profile) -> Camera:
+        """Open the camera and see that its frames can be used, before anything moves."""
+        uri = self.plan.camera or profile.camera.uri
+        if scene_of(uri) is not None:
+            return self._virtual_camera(profile)
+        profile = replace(profile, camera=replace(profile.camera, uri=uri))
+        if uri.startswith(ROBOT):
+            camera = self.plan.platform.camera(profile, self.clock)
+        else:
+            camera = open_source(uri, self.clock)
+        self.progress.phase(f"opening the camera {uri}")
+        self.stack.callback(camera.close)
+        camera.open()
+        frame = camera.read(self.clock.now_ns())
+        if frame is None or frame.truth is None:
+            raise UsageError(
+                f"camera {uri}: gives pictures alone, and there is no segmenter yet that finds the person in "
+                "them; rehearse with --sitl, or follow a virtual person with --camera world://SCENE"
+            )
+        return camera
+
     def _virtual_camera(self, profile: Profile) -> WorldCamera:
         from adatracker_deploy.world import World  # needs the sitl extra
 
-        world = World(self.plan.scene, seed=self.plan.seed, target_speed_m_s=self.plan.target_speed_m_s)
+        scenario = self.plan.scenario
+        world = World(scenario.scene, seed=scenario.seed, target_speed_m_s=scenario.target_speed_m_s)
 
         def reported_pose() -> Pose | None:
             status = self.link.status()
@@ -151,7 +176,7 @@ class _Trial:
         if failed:
             raise PlatformError(f"not ready: {'; '.join(failed)}")
 
-    def _engage_and_follow(self, camera: WorldCamera, profile: Profile) -> Ending:
+    def _engage_and_follow(self, camera: Camera, profile: Profile) -> Ending:
         plan = self.plan
         self._engage()
         perception = self.stack.enter_context(
@@ -159,7 +184,7 @@ class _Trial:
         )
         self.progress.phase("looking for the person")
         self._await_first_sight(perception)
-        plan.policy.reset(plan.seed)
+        plan.policy.reset(plan.scenario.seed)
         camera.go()
         self.progress.phase(f"following for {plan.steps} steps at {plan.policy.info.rate_hz:g} Hz")
         loop = Loop(
@@ -288,9 +313,8 @@ class _Trial:
         return {
             "profile": asdict(profile),
             "policy_sha256": dict(plan.policy.info.sha256),
-            "scene": plan.scene,
-            "target_speed_m_s": plan.target_speed_m_s,
-            "seed": plan.seed,
+            **asdict(plan.scenario),
+            "camera": plan.camera or profile.camera.uri,
             "speed": plan.speed,
         }
 

@@ -36,8 +36,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     how.add_argument("--seed", type=_whole(0, 2**31 - 1), default=0, help="of the world and the simulation")
     how.add_argument("--speed", type=_number(0.1, 20), help="times real time; only with --sitl")
     view = parser.add_argument_group("what it sees")
-    view.add_argument("--camera", metavar="URI", help="world://SCENE: a virtual world, also for a real robot")
-    view.add_argument("--scene", metavar="NAME", help="short for --camera world://NAME")
+    view.add_argument(
+        "--camera",
+        metavar="URI",
+        help="world://SCENE: a virtual world, also for a real robot; robot://TOPIC: on its own wire; "
+        "or a device's number, a file, an http, rtsp or gst address",
+    )
+    view.add_argument("--scene", metavar="NAME", help="of the virtual world (default: simple_room)")
     view.add_argument(
         "--target-speed", type=_number(0, 5), default=1.0, metavar="M_S", help="of the person (default: 1.0)"
     )
@@ -64,7 +69,8 @@ def run(args: argparse.Namespace) -> int:
     for trial in range(args.trials):
         if args.trials > 1:
             console.rule(f"trial {trial + 1} of {args.trials}")
-        seeded = dataclasses.replace(plan, seed=plan.seed + trial)
+        scenario = dataclasses.replace(plan.scenario, seed=plan.scenario.seed + trial)
+        seeded = dataclasses.replace(plan, scenario=scenario)
         summaries.append(run_trial(seeded, Progress(console, plan.steps), started_s))
         started_s = time.monotonic()
         if summaries[-1]["outcome"] == "interrupted":
@@ -81,7 +87,8 @@ def run(args: argparse.Namespace) -> int:
 def _plan(args: argparse.Namespace) -> TrialPlan:
     """Check everything that was asked for before anything moves."""
     from adatracker_deploy.perception.camera import WORLD, scene_of
-    from adatracker_deploy.platform import load_platform
+    from adatracker_deploy.perception.sources import check_uri
+    from adatracker_deploy.platform import Scenario, load_platform
     from adatracker_deploy.policy.catalogue import load_policy
     from adatracker_deploy.profile import load_profile
     from adatracker_deploy.trial_run import TrialPlan
@@ -90,22 +97,30 @@ def _plan(args: argparse.Namespace) -> TrialPlan:
         raise UsageError("nothing to do: say which robot with --platform, or see --help")
     if args.speed is not None and not args.sitl:
         raise UsageError("--speed is for rehearsals: a real robot cannot be sped up; add --sitl")
-    if args.camera and args.scene:
-        raise UsageError("--scene NAME is short for --camera world://NAME: give one of them")
     platform = load_platform(args.platform)
     profile = load_profile(args.profile or platform.default_profile, platform)
-    scene = scene_of(args.camera or (WORLD + args.scene if args.scene else profile.camera.uri))
-    _check_world(scene)
+    uri = args.camera or profile.camera.uri
+    check_uri(uri)
+    scene = scene_of(uri)
+    if args.scene and args.camera and scene != args.scene:
+        raise UsageError("--scene is of the virtual world and --camera is another: give one of them")
+    virtual = args.sitl or scene is not None
+    if args.scene and not virtual:
+        raise UsageError(f"--scene needs a virtual world: add --sitl, or --camera {WORLD}{args.scene}")
+    scenario = Scenario(
+        scene=args.scene or scene or Scenario().scene, target_speed_m_s=args.target_speed, seed=args.seed
+    )
+    if virtual:
+        _check_world(scenario.scene)
     _check_log_dir(args.log_dir)
     return TrialPlan(
         platform=platform,
         profile=profile,
         policy=load_policy(args.policy),
-        scene=scene,
+        scenario=scenario,
+        camera="" if args.sitl and scene is not None else args.camera or "",
         sitl=args.sitl,
         steps=args.steps,
-        target_speed_m_s=args.target_speed,
-        seed=args.seed,
         speed=args.speed or 1.0,
         log_dir=args.log_dir,
     )

@@ -1,32 +1,49 @@
-"""Camera sources: where frames come from."""
+"""Camera sources: what a camera is, and what its URI says.
+
+``world://SCENE`` is drawn in this process from the pose that the robot reports, ``robot://TOPIC`` arrives on
+the robot's own wire; what else there is stands in `sources`.
+"""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
-from adatracker_deploy.errors import UsageError
-
 if TYPE_CHECKING:
     from adatracker_deploy.messages import Frame
 
 WORLD = "world://"
+ROBOT = "robot://"
+OPEN_TIMEOUT_S = 5.0
+"""Machine time within which an opened camera must have given its first frame."""
 
 
 class Camera(Protocol):
     """Something that gives the newest frame."""
 
+    def open(self) -> None:
+        """Begin; return once frames come.
+
+        Raises:
+            UsageError: there is no such device, file or address.
+            PlatformError: no frame came within `OPEN_TIMEOUT_S`.
+        """
+
     def read(self, now_ns: int) -> Frame | None:
-        """Return the newest frame, captured at `now_ns` or before; None while there is none yet."""
+        """Return the newest frame, captured at `now_ns` or before; None while there is none yet.
+
+        The same frame may come again: its sequence number tells.
+
+        Raises:
+            PlatformError: the camera is gone, and no frame will follow.
+        """
+
+    def go(self) -> None:
+        """The robot is about to follow: in a rehearsal the people walk from now on."""
+
+    def close(self) -> None:
+        """Let go of the device; may be called twice, and before `open`."""
 
 
-def scene_of(uri: str) -> str:
-    """Return the scene's name in ``world://SCENE``.
-
-    Raises:
-        UsageError: it is another kind of URI.
-    """
-    if not uri.startswith(WORLD) or uri == WORLD:
-        raise UsageError(
-            f"camera {uri!r}: expected {WORLD}SCENE, a virtual world seen from the robot's own pose"
-        )
-    return uri.removeprefix(WORLD)
+def scene_of(uri: str) -> str | None:
+    """Return the scene's name in ``world://SCENE``, or None for any other URI."""
+    return uri.removeprefix(WORLD) if uri.startswith(WORLD) else None

@@ -10,23 +10,15 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import cv2
-import numpy as np
-
 from adatracker_deploy.geometry import Pose
-from adatracker_deploy.messages import Frame
+from adatracker_deploy.world.rehearsal import take_frame
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from adatracker_deploy.messages import Frame
     from adatracker_deploy.platform import CameraMount
     from adatracker_deploy.world import World
-
-BODY_RADIUS_M = 0.3
-"""How near an obstacle counts as a collision."""
-RGB_SHARE = 2
-"""Colours, which only people look at, are cast at half the resolution: a third of the time, so that
-a rehearsal at five times real time keeps up."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +77,12 @@ class WorldCamera:
         self._last_ns: int | None = None
         self._seq = 0
 
+    def open(self) -> None:
+        """Do nothing: there is no device, and no pose yet."""
+
+    def close(self) -> None:
+        """Do nothing."""
+
     def go(self) -> None:
         """Let the people walk from the next frame on."""
         self._going = True
@@ -101,12 +99,6 @@ class WorldCamera:
             last_ns = self._last_ns if self._last_ns is not None else now_ns
             self._world.step((now_ns - last_ns) / 1e9, robot)
             self._last_ns = now_ns
-        camera = self._mount.pose(robot)
-        width, height = self._size
-        fov_rad = math.radians(self._mount.fov_deg)
-        mask = self._world.render_mask(camera, fov_rad, height, width)
-        _, small = self._world.render(camera, fov_rad, height // RGB_SHARE, width // RGB_SHARE)
-        rgb = cv2.resize(small, (width, height), interpolation=cv2.INTER_LINEAR)
         self._seq += 1
-        truth = self._world.truth(mask, robot, camera, BODY_RADIUS_M)
-        return Frame(np.asarray(rgb, np.uint8), now_ns, self._seq, truth)
+        fov_rad = math.radians(self._mount.fov_deg)
+        return take_frame(self._world, robot, self._mount.pose(robot), fov_rad, self._size, now_ns, self._seq)

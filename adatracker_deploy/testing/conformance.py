@@ -26,7 +26,7 @@ import pytest
 
 from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.geometry import Pose, wrap_angle
-from adatracker_deploy.platform import ZERO, Platform, PlatformState, Twist
+from adatracker_deploy.platform import ZERO, Platform, PlatformState, Scenario, Twist
 from adatracker_deploy.profile import Profile, load_profile
 from adatracker_deploy.runtime.clock import MonotonicClock
 
@@ -73,7 +73,7 @@ class PlatformConformance:
     def far_end(cls, profile: Profile, clock: MonotonicClock) -> Iterator[Profile]:
         """Start the robot's SITL; give the profile that reaches it."""
         with cls.platform_class.sitl(profile) as sitl:
-            yield sitl.start(clock, seed=1)
+            yield sitl.start(clock, Scenario(seed=1))
 
     @pytest.fixture
     def platform(self, far_end: Profile, clock: MonotonicClock) -> Iterator[Platform]:

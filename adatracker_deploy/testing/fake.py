@@ -18,6 +18,7 @@ from adatracker_deploy.platform import (
     Limits,
     Platform,
     PlatformState,
+    Scenario,
     Sitl,
     Twist,
 )
@@ -47,7 +48,7 @@ class FakeFarEnd(Sitl):
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
 
-    def start(self, clock: Clock, seed: int) -> Profile:  # noqa: ARG002 -- nothing here is random
+    def start(self, clock: Clock, scenario: Scenario) -> Profile:  # noqa: ARG002 -- nothing here is random
         """Return the profile as it is."""
         return self._profile
 

@@ -17,15 +17,19 @@ import ipaddress
 import json
 import re
 import socket
-import subprocess
 import sys
-import threading
-import time
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.errors import PlatformError, UsageError
-from adatracker_deploy.platform import Sitl
-from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.far_end import (
+    FarEndProcess,
+    add_arguments,
+    announce,
+    far_end_clock,
+    lifeline,
+    refuse,
+)
+from adatracker_deploy.platform import Scenario, Sitl
 from adatracker_deploy.schema import parse
 from adatracker_drone.protocol import check_url
 from adatracker_drone.settings import SitlSettings
@@ -35,11 +39,8 @@ if TYPE_CHECKING:
     from adatracker_deploy.runtime.clock import Clock
     from adatracker_drone.far_end import FarEnd
 
-START_TIMEOUT_S = 20.0
 STOP_TIMEOUT_S = 65.0
 """The far end gives up on coming to rest a little sooner by itself (`far_end.LINGER_S`)."""
-_ASKED_WRONG = 2
-"""Exit status of settings that cannot be."""
 _ANY_PORT = re.compile(r"(udpin://127\.0\.0\.1):0")
 _GCS = re.compile(r"udpout:([0-9.]+):(\d+)")
 
@@ -49,10 +50,10 @@ class DroneSitl(Sitl):
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
-        self._process: subprocess.Popen[str] | None = None
+        self._process = FarEndProcess("adatracker_drone.sitl", "simulated drone", STOP_TIMEOUT_S)
 
-    def start(self, clock: Clock, seed: int) -> Profile:
-        """Start the far end and wait until it is up.
+    def start(self, clock: Clock, scenario: Scenario) -> Profile:
+        """Start the far end and wait until it is up; the world is drawn elsewhere, from the drone's own pose.
 
         Raises:
             UsageError: the port is in use, the URL is no ``udpin://``, or the sitl extra is missing.
@@ -61,52 +62,19 @@ class DroneSitl(Sitl):
         _require_libraries()
         url, port = _free_address(self._profile.connection.url)
         settings = json.dumps(dataclasses.asdict(self._profile.sitl))
-        epoch_ns = clock.epoch_ns if isinstance(clock, MonotonicClock) else time.monotonic_ns()
-        self._process = subprocess.Popen(
-            [
-                *(sys.executable, "-m", "adatracker_drone.sitl", "--lifeline"),
-                *("--port", str(port), "--seed", str(seed), "--settings", settings),
-                *("--speed", repr(clock.speed), "--epoch-ns", str(epoch_ns)),
-            ],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            start_new_session=True,  # a Ctrl-C in the terminal must not take the vehicle out of the air
+        self._process.start(
+            clock, ["--port", str(port), "--seed", str(scenario.seed), "--settings", settings]
         )
-        self._await_ready(self._process)
         connection = dataclasses.replace(self._profile.connection, url=url)
-        return dataclasses.replace(self._profile, connection=connection)
+        camera = dataclasses.replace(self._profile.camera, uri=f"world://{scenario.scene}")
+        return dataclasses.replace(self._profile, connection=connection, camera=camera)
 
     def close(self) -> None:
         """End the lifeline and wait: the process ends once the vehicle has landed, or after a minute.
 
         Nothing takes command here: a vehicle still in the air lands by its link or by its own fail-safe.
         """
-        process, self._process = self._process, None
-        if process is None or process.stdin is None or process.stdout is None:
-            return
-        process.stdin.close()
-        try:
-            process.wait(STOP_TIMEOUT_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
-        process.stdout.close()
-
-    def _await_ready(self, process: subprocess.Popen[str]) -> None:
-        """Wait for the one line that says that the far end is up."""
-        assert process.stdout is not None
-        timer = threading.Timer(START_TIMEOUT_S, process.kill)
-        timer.start()
-        try:
-            line = process.stdout.readline()
-        finally:
-            timer.cancel()
-        if not line.startswith('{"ready"'):
-            self.close()
-            if process.returncode == _ASKED_WRONG:
-                raise UsageError(line.strip())
-            raise PlatformError(f"the simulated drone did not start: {line.strip() or 'see its error above'}")
+        self._process.close()
 
 
 def _free_address(url: str) -> tuple[str, int]:
@@ -142,14 +110,11 @@ def main(argv: list[str] | None = None) -> int:
         gcs = _gcs_address(args.gcs or settings.gcs)
         far_end = _power_on(settings, args.seed, args.speed, [("127.0.0.1", args.port), *gcs])
     except (UsageError, json.JSONDecodeError) as error:
-        print(error, flush=True)
-        return _ASKED_WRONG
-    lifeline_ended = threading.Event()
-    if args.lifeline:
-        threading.Thread(target=_outlive_stdin, args=(lifeline_ended,), daemon=True).start()
-    print(json.dumps({"ready": {"port": args.port, "gcs": gcs}}), flush=True)
+        return refuse(error)
+    lifeline_ended = lifeline(args)
+    announce(port=args.port, gcs=gcs)
     with contextlib.suppress(KeyboardInterrupt):
-        far_end.serve(MonotonicClock(args.speed, args.epoch_ns), lifeline_ended)
+        far_end.serve(far_end_clock(args), lifeline_ended)
     return 0
 
 
@@ -164,11 +129,6 @@ def _require_libraries() -> None:
     for library in ("jsbsim", "pymavlink"):
         if importlib.util.find_spec(library) is None:
             raise UsageError(f"a simulated drone needs {library}: pip install 'adatracker-deploy[sitl]'")
-
-
-def _outlive_stdin(ended: threading.Event) -> None:
-    sys.stdin.read()
-    ended.set()
 
 
 def _gcs_address(text: str) -> list[tuple[str, int]]:
@@ -191,25 +151,14 @@ def _port(text: str) -> int:
     return int(text)
 
 
-def _speed(text: str) -> float:
-    if not 0.05 <= float(text) <= 50:
-        raise argparse.ArgumentTypeError(f"{text} is not between 0.05 and 50")
-    return float(text)
-
-
 def _arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m adatracker_drone.sitl", description="A simulated PX4 drone."
     )
     parser.add_argument("--port", type=_port, default=14540, help="UDP port of this machine to send to")
     parser.add_argument("--gcs", default="", help="a second link: udpout:ADDRESS:PORT")
-    parser.add_argument("--seed", type=int, default=0, help="of estimation errors and wind")
     parser.add_argument("--settings", default="{}", help="the profile's sitl: section, as JSON")
-    parser.add_argument("--speed", type=_speed, default=1.0, help="times real time")
-    parser.add_argument("--epoch-ns", type=int, default=time.monotonic_ns(), help="of the shared clock")
-    parser.add_argument(
-        "--lifeline", action="store_true", help="end when stdin does and the drone is at rest"
-    )
+    add_arguments(parser)
     return parser
 
 

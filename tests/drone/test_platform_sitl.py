@@ -11,7 +11,7 @@ import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
 from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.platform import ZERO, Twist
+from adatracker_deploy.platform import ZERO, Scenario, Twist
 from adatracker_deploy.profile import load_profile
 from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_deploy.testing.conformance import PlatformConformance
@@ -111,7 +111,10 @@ class Radio(threading.Thread):
 def flight(profile, speed=1.0):
     """A connected adapter on a far end of its own; at the end the drone is down."""
     clock = MonotonicClock(speed)
-    with DronePlatform.sitl(profile) as sitl, DronePlatform(sitl.start(clock, seed=1), clock) as platform:
+    with (
+        DronePlatform.sitl(profile) as sitl,
+        DronePlatform(sitl.start(clock, Scenario(seed=1)), clock) as platform,
+    ):
         platform.connect()
         assert all(check.ok for check in platform.preflight() if check.blocking)
         yield platform
@@ -147,7 +150,7 @@ def test_a_start_is_short_and_prints_nothing(capfd):
         took[phase] = time.monotonic() - begin
 
     with DronePlatform.sitl(rehearsal_profile()) as sitl:
-        profile = sitl.start(clock, seed=1)
+        profile = sitl.start(clock, Scenario(seed=1))
         mark("far end")
         with DronePlatform(profile, clock) as platform:
             platform.connect()
@@ -219,7 +222,7 @@ def test_a_lost_link_stops_the_stream_for_good_and_the_autopilot_lands():
     )
     clock = MonotonicClock()
     with DronePlatform.sitl(far) as sitl:
-        sitl.start(clock, seed=1)
+        sitl.start(clock, Scenario(seed=1))
         radio = Radio(int(far.connection.url.rpartition(":")[2]), near_port)
         radio.start()
         with contextlib.closing(radio), DronePlatform(near, clock) as platform:

@@ -23,6 +23,7 @@ from pymavlink import mavutil
 from pymavlink.dialects.v20 import common as mavlink
 
 from adatracker_deploy.errors import UsageError
+from adatracker_deploy.platform import Scenario
 from adatracker_deploy.profile import load_profile
 from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_drone.far_end import Wire
@@ -71,7 +72,7 @@ def test_a_busy_port_is_refused_with_its_number_and_what_to_do():
     with bound_socket() as taken:
         port = taken.getsockname()[1]
         with pytest.raises(UsageError, match=rf"{port} is in use.*connection\.url"):
-            DroneSitl(profile(f"udpin://127.0.0.1:{port}")).start(MonotonicClock(), 0)
+            DroneSitl(profile(f"udpin://127.0.0.1:{port}")).start(MonotonicClock(), Scenario())
 
 
 @pytest.mark.parametrize(
@@ -79,13 +80,13 @@ def test_a_busy_port_is_refused_with_its_number_and_what_to_do():
 )
 def test_a_url_that_a_simulated_drone_cannot_have_is_refused(url):
     with pytest.raises(UsageError, match=r"connection\.url"):
-        DroneSitl(profile(url)).start(MonotonicClock(), 0)
+        DroneSitl(profile(url)).start(MonotonicClock(), Scenario())
 
 
 def test_a_missing_extra_is_named(monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None if name == "jsbsim" else object())
     with pytest.raises(UsageError, match=r"needs jsbsim: pip install 'adatracker-deploy\[sitl\]'"):
-        DroneSitl(profile()).start(MonotonicClock(), 0)
+        DroneSitl(profile()).start(MonotonicClock(), Scenario())
 
 
 def test_closing_what_was_never_started_is_fine():
@@ -100,7 +101,7 @@ def test_closing_what_was_never_started_is_fine():
 )
 def test_settings_that_cannot_be_are_the_users_mistake(sitl):
     with pytest.raises(UsageError, match=r"COM_OF_LOSST|udpout:127\.0\.0\.1:14550"):
-        DroneSitl(profile(**sitl)).start(MonotonicClock(), 0)
+        DroneSitl(profile(**sitl)).start(MonotonicClock(), Scenario())
 
 
 # Bytes
@@ -144,7 +145,7 @@ def far_end():
     def start(*, speed=1.0, seed=1, **sitl_settings):
         sitl = DroneSitl(profile(**sitl_settings))
         started.append(sitl)
-        return sitl, sitl.start(MonotonicClock(speed=speed), seed).connection.url
+        return sitl, sitl.start(MonotonicClock(speed=speed), Scenario(seed=seed)).connection.url
 
     yield start
     for sitl in started:

@@ -84,10 +84,12 @@ def test_the_mask_shows_the_target_where_its_box_is():
     assert MaskClass.TARGET in observation.mask[row - 3 : row + 3, column - 3 : column + 3]
 
 
-@pytest.mark.parametrize("uri", ["0", "world://", "rtsp://10.0.0.1/", "simple_room"])
-def test_what_is_no_world_is_refused(uri):
-    with pytest.raises(UsageError, match="expected world://SCENE"):
-        scene_of(uri)
+@pytest.mark.parametrize(
+    ("uri", "scene"),
+    [("world://urban_city", "urban_city"), ("world://", ""), ("0", None), ("rtsp://10.0.0.1/", None)],
+)
+def test_only_a_world_names_a_scene(uri, scene):
+    assert scene_of(uri) == scene
 
 
 def test_what_ends_the_camera_reaches_whoever_asks_for_the_newest():

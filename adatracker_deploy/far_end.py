@@ -1,0 +1,139 @@
+"""A simulated far end as a process: started by a `Sitl`, ready by one line, ended by the end of its stdin.
+
+`FarEndProcess` is the side that starts it; `add_arguments`, `far_end_clock`, `lifeline` and `announce` are what
+the started module's ``main`` is made of. Started by hand, the same module runs until Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import threading
+import time
+from typing import TYPE_CHECKING, Any
+
+from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.runtime.clock import MonotonicClock
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from adatracker_deploy.runtime.clock import Clock
+
+ASKED_WRONG = 2
+"""Exit status of settings that cannot be; the process prints the reason as its only line."""
+START_TIMEOUT_S = 20.0
+
+
+class FarEndProcess:
+    """One far end's process.
+
+    Args:
+        module: what ``python -m`` runs.
+        robot: how errors name it, for example ``simulated drone``.
+        stop_timeout_s: how long `close` lets the robot come to rest before it kills the process.
+    """
+
+    def __init__(self, module: str, robot: str, stop_timeout_s: float = 10.0) -> None:
+        self._module = module
+        self._robot = robot
+        self._stop_timeout_s = stop_timeout_s
+        self._process: subprocess.Popen[str] | None = None
+
+    @property
+    def pid(self) -> int | None:
+        """The process's id; None before `start` and after `close`."""
+        return self._process.pid if self._process else None
+
+    def start(self, clock: Clock, arguments: Sequence[str]) -> dict[str, Any]:
+        """Start it on the run's clock; return what it announced.
+
+        Raises:
+            UsageError: it refused its arguments.
+            PlatformError: it did not come up within `START_TIMEOUT_S`.
+        """
+        epoch_ns = clock.epoch_ns if isinstance(clock, MonotonicClock) else time.monotonic_ns()
+        process = self._process = subprocess.Popen(
+            [
+                *(sys.executable, "-m", self._module, *arguments),
+                *("--lifeline", "--speed", repr(clock.speed), "--epoch-ns", str(epoch_ns)),
+            ],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            start_new_session=True,  # a Ctrl-C in the terminal must not take the robot out from under its wire
+        )
+        assert process.stdout is not None
+        timer = threading.Timer(START_TIMEOUT_S, process.kill)
+        timer.start()
+        try:
+            line = process.stdout.readline()
+        finally:
+            timer.cancel()
+        if not line.startswith('{"ready"'):
+            self.close()
+            if process.returncode == ASKED_WRONG:
+                raise UsageError(line.strip() or f"the {self._robot} refused to start: see its error above")
+            raise PlatformError(f"the {self._robot} did not start: {line.strip() or 'see its error above'}")
+        ready: dict[str, Any] = json.loads(line)["ready"]
+        return ready
+
+    def close(self) -> None:
+        """End the lifeline and wait until the robot has come to rest; may be called twice."""
+        process, self._process = self._process, None
+        if process is None or process.stdin is None or process.stdout is None:
+            return
+        process.stdin.close()
+        try:
+            process.wait(self._stop_timeout_s)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+        process.stdout.close()
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what every far end takes: ``--seed``, ``--speed``, ``--epoch-ns`` and ``--lifeline``."""
+    parser.add_argument("--seed", type=int, default=0, help="of all that is random")
+    parser.add_argument("--speed", type=_speed, default=1.0, help="times real time")
+    parser.add_argument("--epoch-ns", type=int, default=time.monotonic_ns(), help="of the shared clock")
+    parser.add_argument(
+        "--lifeline", action="store_true", help="end when stdin does and the robot is at rest"
+    )
+
+
+def far_end_clock(args: argparse.Namespace) -> MonotonicClock:
+    """Return the clock that the far end shares with whoever started it."""
+    return MonotonicClock(args.speed, args.epoch_ns)
+
+
+def lifeline(args: argparse.Namespace) -> threading.Event:
+    """Return an event that is set when the far end should come to rest and end."""
+    ended = threading.Event()
+
+    def outlive_stdin() -> None:
+        sys.stdin.read()
+        ended.set()
+
+    if args.lifeline:
+        threading.Thread(target=outlive_stdin, daemon=True).start()
+    return ended
+
+
+def announce(**what: Any) -> None:
+    """Print the one line that says that the far end is up, and where it is reached."""
+    print(json.dumps({"ready": what}), flush=True)
+
+
+def refuse(error: Exception) -> int:
+    """Print why the settings cannot be; return the exit status that says so."""
+    print(" ".join(str(error).split()), flush=True)
+    return ASKED_WRONG
+
+
+def _speed(text: str) -> float:
+    if not 0.05 <= float(text) <= 50:
+        raise argparse.ArgumentTypeError(f"{text} is not between 0.05 and 50")
+    return float(text)
