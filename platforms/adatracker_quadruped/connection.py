@@ -61,6 +61,8 @@ class Connection:
     """Put before every topic: the bridge's ``namespace``, or that of the robot's ROS 2 nodes."""
     domain: Annotated[int, Range(0, 232)] = 0
     """ROS_DOMAIN_ID; only in the keys of ``rmw_zenoh``."""
+    type_hashes: bool = True
+    """False for ``rmw_zenoh`` of ROS 2 Humble, whose keys end in TypeHashNotSupported."""
     robot_liveliness: str = ""
     """Key expression of a liveliness token of the robot's; the robot is gone when its last one is."""
     host_token: str = "adatracker/host"
@@ -68,7 +70,8 @@ class Connection:
     tls: Tls | None = None
     min_battery: Annotated[float, Range(0, 1)] = 0.2
     """Charge needed to engage; 0 also accepts a robot that does not tell it."""
-    connect_timeout_s: Annotated[float, Range(0.1, 30)] = 2.0
+    connect_timeout_s: Annotated[float, Range(0.1, 30)] = 1.5
+    """How long to dial; a robot on the same network answers in milliseconds."""
     lease_s: Annotated[float, Range(0.1, 10)] = 1.0
     """A peer that is silent for this long is gone: how soon a frozen or cut-off robot is noticed."""
     odometry_timeout_s: Annotated[float, Range(0.05, 5)] = 0.3

@@ -1,4 +1,8 @@
-"""Where each message goes: Zenoh key expressions of ROS 2 topics in both dialects, and rmw_zenoh's attachment."""
+"""Where each message goes: Zenoh key expressions of ROS 2 topics in both dialects, and rmw_zenoh's attachment.
+
+zenoh-bridge-ros2dds uses the topic's name alone. rmw_zenoh puts the domain before it and behind it the type's
+DDS name and RIHS01 hash (REP 2016), as its ``liveliness_utils.cpp`` does.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +22,10 @@ _COMMAND_TYPES = {
     "unitree_sport": sport.REQUEST,
 }
 GID_BYTES = 16
+"""RMW_GID_STORAGE_SIZE."""
 _ATTACHMENT = struct.Struct(f"<qqB{GID_BYTES}s")
+"""As rmw_zenoh writes it since 0.2.4 (``attachment_helpers.cpp``; 0.2.3 and older also wrote each field's name):
+sequence number and time as int64, little-endian, then the gid as zenoh-ext writes an array: its length first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +71,8 @@ class Keys:
         name = f"{namespace}/{topic.strip('/')}".lstrip("/")
         if self.connection.dialect == "ros2dds":
             return name
-        type_hash = protocol.STORE.hash_rihs01(type_name)
+        hashes = self.connection.type_hashes
+        type_hash = protocol.STORE.hash_rihs01(type_name) if hashes else "TypeHashNotSupported"
         return f"{self.connection.domain}/{name}/{_dds_name(type_name)}/{type_hash}"
 
 
@@ -83,7 +91,7 @@ def parse_attachment(payload: bytes) -> tuple[int, int, bytes]:
     """Return (sequence, t_ns, gid) of an attachment.
 
     Raises:
-        Malformed: it is not one.
+        Malformed: it is not one, or one of rmw_zenoh 0.2.3 or older.
     """
     if len(payload) != _ATTACHMENT.size or payload[16] != GID_BYTES:
         raise Malformed(f"an attachment of {len(payload)} bytes is not rmw_zenoh's")

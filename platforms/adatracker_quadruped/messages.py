@@ -97,8 +97,8 @@ class CompressedImage:
     """Since 1970, by the robot's clock."""
     format: str
     """``jpeg``, ``png`` or, by image_transport, such as ``rgb8; jpeg compressed bgr8``."""
-    data: memoryview
-    """The encoded image, a view of the payload; empty images are refused."""
+    data: bytes | memoryview
+    """The encoded image; decoded from a payload it is a view of it, and never empty."""
     frame_id: str = "camera"
 
 

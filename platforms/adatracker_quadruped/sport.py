@@ -8,6 +8,7 @@ ignores 1008; then a node on the robot has to take Twists.
 from __future__ import annotations
 
 import json
+import reprlib
 from dataclasses import dataclass
 from typing import Any
 
@@ -89,9 +90,10 @@ def _encode(api_id: int, parameter: str, request_id: int) -> bytes:
 def _twist(parameter: str) -> Twist:
     try:
         walk: Any = json.loads(parameter)
-        vx, vy, yaw_rate = (float(walk[axis]) for axis in "xyz")
-    except Exception as error:  # not JSON, nested without end, another shape, a number too long
-        raise Malformed(f"Move has no x, y and z: {error}") from error
-    if not all(abs(value) <= FASTEST for value in (vx, vy, yaw_rate)):
-        raise Malformed(f"Move ({vx:g}, {vy:g}, {yaw_rate:g}) is no velocity")
+        values = [walk[axis] for axis in "xyz"]
+    except Exception as error:  # not JSON, nested too deep, a number too long, another shape
+        raise Malformed(f"Move without x, y and z: {error}") from error
+    if not all(type(value) in (int, float) and abs(value) <= FASTEST for value in values):
+        raise Malformed(f"Move with {reprlib.repr(values)}, which is no velocity")
+    vx, vy, yaw_rate = map(float, values)
     return Twist(vx=vx, vy=vy, yaw_rate=yaw_rate)
