@@ -14,7 +14,7 @@ _ROS_NAME = re.compile(r"/?[A-Za-z_][A-Za-z0-9_]*(?:/[A-Za-z_][A-Za-z0-9_]*)*")
 """A topic or namespace by ROS 2's naming rules (design.ros2.org, "Topic and Service name mapping to DDS")."""
 _KEY = re.compile(r"[^/*$?#\s]+(?:/[^/*$?#\s]+)*")
 _KEY_EXPRESSION = re.compile(r"(?:\*{1,2}|[^/*$?#\s]+)(?:/(?:\*{1,2}|[^/*$?#\s]+))*")
-"""Zenoh's key expressions: chunks without ``*$?#`` between single slashes; ``*`` and ``**`` stand for chunks."""
+"""Zenoh's key expressions: chunks without ``*$?#`` between single slashes; ``*`` and ``**`` stand for any."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,8 +88,8 @@ class Connection:
             value = getattr(self, name)
             if value and not _ROS_NAME.fullmatch(value):
                 raise UsageError(
-                    f"connection: {name} {value!r} is not a ROS 2 name: letters, digits and underscores between "
-                    "single slashes, such as camera/image_raw/compressed"
+                    f"connection: {name} {value!r} is not a ROS 2 name: letters, digits and underscores "
+                    "between single slashes, such as camera/image_raw/compressed"
                 )
         topics = [getattr(self, name).strip("/") for name in _TOPICS if getattr(self, name)]
         for topic in topics:

@@ -1,4 +1,4 @@
-"""Where each message goes: Zenoh key expressions of ROS 2 topics in both dialects, and rmw_zenoh's attachment.
+"""Where each message goes: the Zenoh keys of ROS 2 topics in both dialects, and rmw_zenoh's attachment.
 
 zenoh-bridge-ros2dds uses the topic's name alone. rmw_zenoh puts the domain before it and behind it the type's
 DDS name and RIHS01 hash (REP 2016), as its ``liveliness_utils.cpp`` does.
@@ -24,8 +24,10 @@ _COMMAND_TYPES = {
 GID_BYTES = 16
 """RMW_GID_STORAGE_SIZE."""
 _ATTACHMENT = struct.Struct(f"<qqB{GID_BYTES}s")
-"""As rmw_zenoh writes it since 0.2.4 (``attachment_helpers.cpp``; 0.2.3 and older also wrote each field's name):
-sequence number and time as int64, little-endian, then the gid as zenoh-ext writes an array: its length first."""
+"""Sequence number and time as int64, little-endian, then the gid as zenoh-ext writes an array: length first.
+
+So in rmw_zenoh since 0.2.4 (``attachment_helpers.cpp``); before, each field came after its name.
+"""
 
 
 @dataclass(frozen=True, slots=True)

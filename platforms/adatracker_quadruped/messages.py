@@ -1,9 +1,9 @@
 """ROS 2 messages as the toolkit's values, and back: velocities, odometry, inertia, battery, images.
 
 Frames are REP 103's and REP 105's on both sides: a pose is that of ``child_frame_id`` (the body: x forward,
-y left, z up) in ``frame_id`` (fixed: x east or start-forward), a velocity is in the body. Only attitudes change
-their form, here and nowhere else: a unit quaternion on the wire, `Pose`'s angles inside. Covariances are not
-read, and are written as zeros: unknown (sensor_msgs/Imu).
+y left, z up) in ``frame_id`` (fixed: x east or start-forward), a velocity is in the body. Only attitudes
+change their form, here and nowhere else: a unit quaternion on the wire, `Pose`'s angles inside. Covariances
+are not read, and are written as zeros: unknown (sensor_msgs/Imu).
 
 Every decoder raises `Malformed`, and nothing else, whatever the bytes: no value that is not finite, no
 quaternion that is not of unit length and no time before 1970 comes out of it.
@@ -235,7 +235,7 @@ def encode_compressed_image(image: CompressedImage) -> bytes:
 
 
 def decode_compressed_image(payload: bytes) -> CompressedImage:
-    """Return the image in a sensor_msgs/CompressedImage of at most `protocol.IMAGE_CAP_BYTES`; copies nothing."""
+    """Return the image in a sensor_msgs/CompressedImage of at most `protocol.IMAGE_CAP_BYTES`; copies none."""
     message = protocol.decode(payload, protocol.COMPRESSED_IMAGE, protocol.IMAGE_CAP_BYTES)
     if not message.data.size:
         raise Malformed("an image without data")

@@ -68,11 +68,11 @@ def open_session(connection: Connection) -> zenoh.Session:
     try:
         return zenoh.open(zenoh_config(connection))
     except zenoh.ZError as error:
-        encrypted = connection.endpoint.startswith("tls/")
+        endpoint, waited_s = connection.endpoint, connection.connect_timeout_s
+        certified = ", and that connection.tls fits its certificate" if endpoint.startswith("tls/") else ""
         raise PlatformError(
-            f"no Zenoh router or bridge answers at {connection.endpoint} within {connection.connect_timeout_s:g} s: "
-            "check that it runs on the robot and that connection.endpoint names it"
-            + (", and that connection.tls fits its certificate" if encrypted else "")
+            f"no Zenoh router or bridge answers at {endpoint} within {waited_s:g} s: check that it runs on the "
+            f"robot and that connection.endpoint names it{certified}"
         ) from error
 
 

@@ -35,6 +35,7 @@ _DEFINITIONS = {
 """As in unitree_ros2, ``cyclonedds_ws/src/unitree/unitree_api/msg``."""
 for _name, _definition in _DEFINITIONS.items():
     protocol.STORE.register(get_types_from_msg(_definition, _name))
+protocol.STORE.get_msgdef(REQUEST)  # compiled now, not at the first command
 _TYPES = protocol.STORE.types
 
 
