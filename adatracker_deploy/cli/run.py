@@ -102,8 +102,8 @@ def _plan(args: argparse.Namespace) -> TrialPlan:
     uri = args.camera or profile.camera.uri
     check_uri(uri)
     scene = scene_of(uri)
-    if args.scene and args.camera and scene != args.scene:
-        raise UsageError("--scene is of the virtual world and --camera is another: give one of them")
+    if args.scene and args.camera and scene is not None:
+        raise UsageError(f"--scene NAME is short for --camera {WORLD}NAME: give one of them")
     virtual = args.sitl or scene is not None
     if args.scene and not virtual:
         raise UsageError(f"--scene needs a virtual world: add --sitl, or --camera {WORLD}{args.scene}")

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import pytest
 
-from adatracker_deploy.errors import UsageError
 from adatracker_deploy.geometry import Pose
 from adatracker_deploy.messages import MaskClass
 from adatracker_deploy.perception.camera import scene_of
