@@ -18,7 +18,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     """Add the four listing commands."""
     listings: dict[str, tuple[str, Callable[[], dict[str, str]]]] = {
         "platforms": ("the robots that are installed", _platforms),
-        "profiles": ("the robot profiles that are shipped", _profiles),
+        "profiles": ("the robot profiles that can be named", _profiles),
         "policies": ("the policies that can be named", _policies),
         "scenes": ("the virtual worlds", _scenes),
     }

@@ -26,7 +26,11 @@ RESULTS = ("completed", "lost", "wrong_person", "collision")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the run's options to the command itself."""
     what = parser.add_argument_group("what to run")
-    what.add_argument("--platform", metavar="NAME", help="the robot: see 'adatracker-deploy platforms'")
+    what.add_argument(
+        "--platform",
+        metavar="NAME",
+        help="the robot: see 'adatracker-deploy platforms'; with --sitl also several, NAME,NAME,...",
+    )
     what.add_argument("--sitl", action="store_true", help="simulate the far end of the robot's wire")
     what.add_argument("--profile", metavar="NAME|FILE", help="the robot's profile (default: the platform's)")
     what.add_argument("--policy", metavar="NAME|DIR", default="pid", help="a policy (default: %(default)s)")
@@ -61,31 +65,45 @@ def run(args: argparse.Namespace) -> int:
     from adatracker_deploy.trial.summary import summarise_set, summary_table
     from adatracker_deploy.trial_run import run_trial
 
-    plan = _plan(args)
+    plans = _plans(args)
     signal.signal(signal.SIGTERM, _interrupt)
     console = Console(stderr=args.json)
     summaries: list[dict[str, Any]] = []
     started_s = STARTED_S
-    for trial in range(args.trials):
-        if args.trials > 1:
-            console.rule(f"trial {trial + 1} of {args.trials}")
-        scenario = dataclasses.replace(plan.scenario, seed=plan.scenario.seed + trial)
-        seeded = dataclasses.replace(plan, scenario=scenario)
-        summaries.append(run_trial(seeded, Progress(console, plan.steps), started_s))
+    for number, plan in enumerate(plans, start=1):
+        if len(plans) > 1:
+            console.rule(f"{plan.platform.name}, trial {number} of {len(plans)}")
+        summaries.append(run_trial(plan, Progress(console, plan.steps), started_s))
         started_s = time.monotonic()
         if summaries[-1]["outcome"] == "interrupted":
             break
     console.print(summary_table(summaries))
     if args.json:
-        print(json.dumps(summaries[0] if args.trials == 1 else summarise_set(summaries)))
+        print(json.dumps(summaries[0] if len(plans) == 1 else summarise_set(summaries)))
     outcomes = {summary["outcome"] for summary in summaries}
     if "interrupted" in outcomes:
         return 130
     return 0 if outcomes.issubset(RESULTS) else 1
 
 
-def _plan(args: argparse.Namespace) -> TrialPlan:
-    """Check everything that was asked for before anything moves."""
+def _plans(args: argparse.Namespace) -> list[TrialPlan]:
+    """Check everything that was asked for before anything moves; a plan for each trial, robot by robot."""
+    if args.platform is None:
+        raise UsageError("nothing to do: say which robot with --platform, or see --help")
+    names = args.platform.split(",")
+    if len(names) > 1 and (not args.sitl or args.profile):
+        raise UsageError(
+            "several platforms are rehearsed with their own profiles: add --sitl, drop --profile"
+        )
+    plans = [_plan(args, name) for name in names]
+    return [
+        dataclasses.replace(plan, scenario=dataclasses.replace(plan.scenario, seed=args.seed + trial))
+        for plan in plans
+        for trial in range(args.trials)
+    ]
+
+
+def _plan(args: argparse.Namespace, name: str) -> TrialPlan:
     from adatracker_deploy.perception.camera import WORLD, scene_of
     from adatracker_deploy.perception.sources import check_uri
     from adatracker_deploy.platform import Scenario, load_platform
@@ -93,11 +111,9 @@ def _plan(args: argparse.Namespace) -> TrialPlan:
     from adatracker_deploy.profile import load_profile
     from adatracker_deploy.trial_run import TrialPlan
 
-    if args.platform is None:
-        raise UsageError("nothing to do: say which robot with --platform, or see --help")
     if args.speed is not None and not args.sitl:
         raise UsageError("--speed is for rehearsals: a real robot cannot be sped up; add --sitl")
-    platform = load_platform(args.platform)
+    platform = load_platform(name)
     profile = load_profile(args.profile or platform.default_profile, platform)
     uri = args.camera or profile.camera.uri
     check_uri(uri)

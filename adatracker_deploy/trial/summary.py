@@ -110,17 +110,20 @@ def summarise_boxes(boxes: Sequence[Box | None], path: Path) -> Summary:
 def summarise_set(summaries: Sequence[Summary]) -> Summary:
     """Put several trials together: `trials`, and `mean` and `std` of mr, el, sr, and of ar if all have it.
 
-    SR is the share of trials that were completed. The std is the sample's (ddof = 1); one trial has None.
+    Where there are several platforms or policies, `groups` gives each its own `mean` and `std`. SR is the share
+    of trials that were completed. The std is the sample's (ddof = 1); one trial has None.
 
     Raises:
         ValueError: there are none.
     """
-    averaged = {key: mean_std(values) for key, values in _columns(summaries).items()}
-    return {
-        "trials": list(summaries),
-        "mean": {key: mean for key, (mean, _) in averaged.items()},
-        "std": {key: std for key, (_, std) in averaged.items()},
-    }
+    groups = _by_method(summaries)
+    table: Summary = {"trials": list(summaries), **_averages(summaries)}
+    if len(groups) > 1:
+        table["groups"] = [
+            {"platform": platform, "policy": policy, **_averages(group)}
+            for (platform, policy), group in groups.items()
+        ]
+    return table
 
 
 def summary_table(summaries: Sequence[Summary]) -> RenderableType:
@@ -177,6 +180,14 @@ def _percentiles(values_ms: Sequence[float]) -> dict[str, float | None]:
         return {"p50": None, "p99": None, "max": None}
     p50, p99, highest = np.percentile(values_ms, (50, 99, 100))
     return {"p50": float(p50), "p99": float(p99), "max": float(highest)}
+
+
+def _averages(summaries: Sequence[Summary]) -> Summary:
+    averaged = {key: mean_std(values) for key, values in _columns(summaries).items()}
+    return {
+        "mean": {key: mean for key, (mean, _) in averaged.items()},
+        "std": {key: std for key, (_, std) in averaged.items()},
+    }
 
 
 def _columns(summaries: Sequence[Summary]) -> dict[str, list[float]]:

@@ -63,6 +63,16 @@ def test_mean_and_std_over_trials_are_the_papers():
     assert together["mean"]["sr"] == 0.5
 
 
+def test_each_platform_has_its_own_mean_where_there_are_several():
+    short = a_summary([a_step(step) for step in range(7)], outcome="lost", platform="wheeled")
+    assert "groups" not in summarise_set([short, short])
+    groups = summarise_set([a_summary(), short, a_summary()])["groups"]
+    assert [(group["platform"], group["mean"]["el"]) for group in groups] == [
+        ("drone", 10.0),
+        ("wheeled", 6.0),
+    ]
+
+
 def test_ar_is_averaged_only_when_every_trial_knows_it():
     blind = a_summary([a_step(step, distance_m=None, bearing_rad=None) for step in range(11)])
     assert "ar" in summarise_set([a_summary()])["mean"]
