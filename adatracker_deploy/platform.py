@@ -17,6 +17,7 @@ from adatracker_deploy.geometry import Pose
 from adatracker_deploy.schema import Range
 
 if TYPE_CHECKING:
+    from pathlib import Path
     from types import TracebackType
 
     from adatracker_deploy.perception.camera import Camera
@@ -40,6 +41,8 @@ __all__ = [
 ]
 
 ENTRY_POINT_GROUP = "adatracker_deploy.platforms"
+_DISTRIBUTION = "adatracker-deploy"
+"""Whose robots' libraries are extras; another package's robot names what it lacks."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,6 +221,8 @@ class Platform(abc.ABC):
     """Frozen dataclass of the profile's ``sitl:`` section."""
     default_profile: ClassVar[str]
     """The profile used when ``--profile`` is not given."""
+    profile_dir: ClassVar[Path | None] = None
+    """The folder in the robot's own package that holds its profiles; None when the toolkit ships them."""
 
     def __init__(self, profile: Profile, clock: Clock) -> None:
         self.profile = profile
@@ -308,7 +313,7 @@ def load_platform(name: str) -> type[Platform]:
     """Import a robot's package and return its `Platform` class.
 
     Raises:
-        UsageError: no such robot is installed, or its package's extra is missing.
+        UsageError: no such robot is installed, its library is missing, or its entry point leads nowhere.
     """
     point = _registered().get(name)
     if point is None:
@@ -317,9 +322,11 @@ def load_platform(name: str) -> type[Platform]:
     try:
         loaded = point.load()
     except ImportError as error:
-        raise UsageError(
-            f"platform {name!r} needs {error.name}: pip install 'adatracker-deploy[{name}]'"
-        ) from error
+        ours = point.dist is not None and point.dist.name == _DISTRIBUTION
+        missing = f"'{_DISTRIBUTION}[{name}]'" if ours else error.name
+        raise UsageError(f"platform {name!r} needs {error.name}: pip install {missing}") from error
+    except AttributeError as error:
+        raise UsageError(f"platform {name!r}: {point.value} cannot be loaded: {error}") from error
     if not (isinstance(loaded, type) and issubclass(loaded, Platform)):
         raise UsageError(f"platform {name!r}: {point.value} is not a subclass of Platform")
     return loaded

@@ -6,15 +6,19 @@ place or of the body's dynamics is in ``sitl:`` alone and describes the simulate
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import yaml
 
 from adatracker_deploy.errors import UsageError
-from adatracker_deploy.platform import Limits, Platform, load_platform
+from adatracker_deploy.platform import Limits, Platform, load_platform, platform_names
 from adatracker_deploy.schema import Range, parse
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,12 +63,15 @@ def profile_dir() -> Path:
 
 
 def profile_names() -> list[str]:
-    """Return the names of the shipped profiles, sorted."""
-    return sorted(path.stem for path in profile_dir().glob("*.yaml"))
+    """Return the names of the shipped profiles and of those that installed robots bring along, sorted."""
+    return sorted(_profiles(_usable_platforms()))
 
 
 def load_profile(name_or_path: str, platform: type[Platform] | None = None) -> Profile:
-    """Read a shipped profile by name, or any profile by path (anything with a slash or a .yaml ending).
+    """Read a profile by name, or any profile by path (anything with a slash or a .yaml ending).
+
+    Named can be what is shipped and what is in the `profile_dir` of `platform`, or else of every installed
+    robot; a robot's own come first.
 
     Args:
         name_or_path: which profile.
@@ -73,7 +80,7 @@ def load_profile(name_or_path: str, platform: type[Platform] | None = None) -> P
     Raises:
         UsageError: no such profile, not YAML, a wrong key, type or range, or another platform's profile.
     """
-    path = _find(name_or_path)
+    path = _find(name_or_path, platform)
     document = parse(_Document, _read(path), where=str(path))
     if platform is None:
         platform = load_platform(document.platform)
@@ -90,19 +97,32 @@ def load_profile(name_or_path: str, platform: type[Platform] | None = None) -> P
     )
 
 
-def _find(name_or_path: str) -> Path:
+def _find(name_or_path: str, platform: type[Platform] | None) -> Path:
     if "/" in name_or_path or name_or_path.endswith((".yaml", ".yml")):
         path = Path(name_or_path)
         if not path.is_file():
             raise UsageError(f"profile {name_or_path}: no such file")
         return path
-    path = profile_dir() / f"{name_or_path}.yaml"
-    if not path.is_file():
-        known = ", ".join(profile_names()) or "none"
+    known = _profiles([platform] if platform else _usable_platforms())
+    if name_or_path not in known:
+        names = ", ".join(sorted(known)) or "none"
         raise UsageError(
-            f"unknown profile {name_or_path!r}: shipped are {known}; or give a path to a YAML file"
+            f"unknown profile {name_or_path!r}: known are {names}; or give a path to a YAML file"
         )
-    return path
+    return known[name_or_path]
+
+
+def _profiles(platforms: Iterable[type[Platform]]) -> dict[str, Path]:
+    """Return the file of every profile that can be named; a robot's own stands before a shipped one."""
+    brought = (platform.profile_dir for platform in platforms)
+    folders = [profile_dir(), *(folder for folder in brought if folder is not None)]
+    return {path.stem: path for folder in folders for path in folder.glob("*.yaml")}
+
+
+def _usable_platforms() -> Iterator[type[Platform]]:
+    for name in platform_names():
+        with contextlib.suppress(UsageError):  # what it lacks is told by ``platforms``
+            yield load_platform(name)
 
 
 _SIZE_CAP_BYTES = 1 << 20

@@ -7,8 +7,10 @@ import re
 import pytest
 import yaml
 
+from adatracker_deploy import profile as profile_module
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.profile import load_profile, profile_dir, profile_names
+from adatracker_deploy.testing.fake import FakePlatform
 
 SHIPPED = (profile_dir() / "px4_quad.yaml").read_text()
 
@@ -91,3 +93,64 @@ def test_a_missing_and_an_oversized_file_are_refused(tmp_path):
     huge.write_text("#" * (2 << 20))
     with pytest.raises(UsageError, match="larger than 1 MiB"):
         load_profile(str(huge))
+
+
+FROM_OUTSIDE = """
+platform: fake
+description: of a robot from outside
+limits: {forward_m_s: 1, backward_m_s: 1, yaw_rate_rad_s: 1, accel_m_s2: 1, yaw_accel_rad_s2: 1}
+camera: {uri: "world://simple_room"}
+connection: {}
+sitl: {}
+"""
+
+
+class OutsideRobot(FakePlatform):
+    """A robot whose profiles are in its own package."""
+
+
+@pytest.fixture
+def outside(tmp_path, monkeypatch):
+    monkeypatch.setattr(OutsideRobot, "profile_dir", tmp_path)
+    for name in ("outsider", "px4_quad"):
+        (tmp_path / f"{name}.yaml").write_text(FROM_OUTSIDE)
+    return OutsideRobot
+
+
+def install(monkeypatch, **robots):
+    """Let these be the installed robots; an error stands for one that cannot be loaded."""
+
+    def load(name):
+        if isinstance(robots[name], UsageError):
+            raise robots[name]
+        return robots[name]
+
+    monkeypatch.setattr(profile_module, "platform_names", lambda: sorted(robots))
+    monkeypatch.setattr(profile_module, "load_platform", load)
+
+
+def test_a_robot_from_outside_brings_its_profiles_along(outside):
+    profile = load_profile("outsider", outside)
+    assert (profile.name, profile.description) == ("outsider", "of a robot from outside")
+
+
+def test_a_robots_own_profile_comes_before_a_shipped_one_of_the_same_name(outside):
+    assert load_profile("px4_quad", outside).platform == "fake"
+
+
+def test_profiles_of_an_installed_robot_are_listed_and_found_by_name_alone(outside, monkeypatch):
+    assert "outsider" not in profile_names()
+    install(monkeypatch, fake=outside)
+    assert {"outsider", "px4_quad"} <= set(profile_names())
+    assert load_profile("outsider").platform == "fake"
+
+
+def test_a_robot_that_cannot_be_loaded_hides_nobodys_profiles(outside, monkeypatch):
+    install(monkeypatch, broken=UsageError("needs a library"), fake=outside)
+    assert "outsider" in profile_names()
+
+
+def test_another_robots_own_profile_is_not_known_to_this_one(outside, monkeypatch):
+    install(monkeypatch, fake=outside)
+    with pytest.raises(UsageError, match="unknown profile 'outsider'"):
+        load_profile("outsider", FakePlatform)

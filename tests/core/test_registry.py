@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import sys
+from importlib.metadata import EntryPoint
 
 import pytest
 
+from adatracker_deploy import platform as platform_module
 from adatracker_deploy.cli import main
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.platform import load_platform, platform_names
@@ -44,3 +46,24 @@ def test_a_rehearsal_without_a_simulator_names_the_sitl_extra(monkeypatch, capsy
 def test_a_profile_of_another_robot_is_refused():
     with pytest.raises(UsageError, match="is a profile for platform 'drone', not 'fake'"):
         load_profile("px4_quad", FakePlatform)
+
+
+def register(monkeypatch, value: str) -> None:
+    """Let a package from outside name `value` as its robot."""
+    point = EntryPoint("rover", value, platform_module.ENTRY_POINT_GROUP)
+    monkeypatch.setattr(platform_module, "entry_points", lambda group: [point])
+
+
+def test_a_robot_from_outside_whose_library_is_missing_names_the_library(monkeypatch):
+    register(monkeypatch, "a_library_that_nobody_has.platform:Rover")
+    with pytest.raises(UsageError, match="needs a_library_that_nobody_has: pip install a_library_that_nob"):
+        load_platform("rover")
+
+
+@pytest.mark.parametrize(
+    "value", ["adatracker_deploy.testing.fake:FakeRover", "adatracker_deploy.errors:UsageError"]
+)
+def test_an_entry_point_that_leads_to_no_robot_is_named(monkeypatch, value):
+    register(monkeypatch, value)
+    with pytest.raises(UsageError, match=f"platform 'rover': {value}"):
+        load_platform("rover")
