@@ -1,4 +1,4 @@
-"""A cable for wires that are TCP: it carries bytes both ways until somebody pulls it or its far side freezes."""
+"""A cable for wires that are TCP: it carries bytes both ways until somebody pulls it or freezes it."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import threading
 class Cable:
     """Listens on a free loopback port and forwards every connection to `target`.
 
-    `cut` closes everything and refuses new connections, as a pulled plug or a dead router does; `freeze` keeps
-    the connections open and carries nothing, as a frozen peer does; `mend` makes it whole again.
+    `cut` closes everything and lets nobody in, as a pulled plug or a dead router does; `freeze` keeps the
+    connections open and carries nothing, as a frozen peer does; `mend` makes it whole again.
     """
 
     def __init__(self, target: tuple[str, int]) -> None:
