@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 UNSHARE = ("unshare", "--user", "--map-root-user", "--net", "--pid", "--fork", "--mount-proc", "--kill-child")
+NOT_FOUND = 127
+"""Exit status of a command that there is not, as a shell has it."""
 
 
 def run(command: Sequence[str], *, limit_s: float) -> Ended:
@@ -33,6 +35,8 @@ def run(command: Sequence[str], *, limit_s: float) -> Ended:
         )
     except subprocess.TimeoutExpired as error:
         return Ended(TIMED_OUT, (error.stdout or b"").decode(errors="replace"))
+    except FileNotFoundError:
+        return Ended(NOT_FOUND, "unshare is not installed")
     return Ended(done.returncode, done.stdout.decode(errors="replace"))
 
 
