@@ -19,6 +19,8 @@ import pytest
 
 from tests.wheeled.uml.interfaces import add_vcan, remove, set_up
 
+CAN_ERR_BUSOFF = 0x40
+"""Of linux/can/error.h: in the identifier of an error frame."""
 WAIT_S = 10.0
 """Far more than anything here takes, even on the single processor of a user-mode kernel."""
 
@@ -160,3 +162,12 @@ def test_the_kernels_periodic_send_goes_on_while_its_process_is_stopped_and_so_i
         sent_while_stopped = [far.recv(WAIT_S) for _ in range(5)]
         sender.kill()
     assert all(sent_while_stopped)
+
+
+def test_bus_off_arrives_as_an_error_frame_while_the_bus_calls_itself_active(near, far):
+    bus_off = can.Message(arbitration_id=CAN_ERR_BUSOFF, is_error_frame=True, is_extended_id=False, dlc=8)
+    far.send(bus_off)
+    heard = near.recv(WAIT_S)
+    assert heard.is_error_frame
+    assert heard.arbitration_id & CAN_ERR_BUSOFF
+    assert near.state is can.BusState.ACTIVE
