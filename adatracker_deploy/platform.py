@@ -106,6 +106,8 @@ class PlatformState:
     """State of charge, 0 to 1."""
     stopped: str = ""
     """Why a stop has latched; empty while none has. At most 95 characters."""
+    taken_over: bool = False
+    """That stop came from elsewhere: the pilot's sticks, a remote control, the robot's own fail-safe."""
 
     def age_s(self, now_ns: int) -> float:
         """Return the seconds since the newest measurement; infinite before the first."""

@@ -57,7 +57,7 @@ class LinkStatus:
     stopped: str = ""
     """Why a stop has latched; empty while none has."""
     takeover: bool = False
-    """The stop came from the robot: its pilot or its own protection has control."""
+    """Somebody else has control: see `PlatformState.taken_over`."""
     t_ns: int = 0
 
 
@@ -124,7 +124,7 @@ class Link:
             phase = self.status.phase
             self.status = replace(self.status, state=state, t_ns=now_ns)
             if phase is Phase.ACTIVE and state.stopped:
-                self._latch(state.stopped, takeover=True)
+                self._latch(state.stopped, takeover=state.taken_over)
                 return self.status
             if phase not in (Phase.ACTIVE, Phase.HOLDING):
                 return self.status

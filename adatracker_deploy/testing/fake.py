@@ -75,6 +75,7 @@ class FakePlatform(Platform):
         self._command = ZERO
         self._connected = self._consent = self._engaged = False
         self._stopped = ""
+        self._taken_over = False
 
     def connect(self) -> None:
         """Begin to hear the robot."""
@@ -92,7 +93,7 @@ class FakePlatform(Platform):
         """Take `engage_s`, during which any stop ends it."""
         with self._lock:
             self._require_connection()
-            self._consent, self._stopped = True, ""
+            self._consent, self._stopped, self._taken_over = True, "", False
         until_ns = self.clock.now_ns() + round(self.profile.connection.engage_s * 1e9)
         while self._consent and (now_ns := self.clock.now_ns()) < until_ns:
             self.clock.sleep_until(min(until_ns, now_ns + 10_000_000))
@@ -127,6 +128,7 @@ class FakePlatform(Platform):
                 velocity=self._body.velocity,
                 battery=1.0,
                 stopped=self._stopped,
+                taken_over=self._taken_over,
             )
 
     def hold(self, reason: str) -> None:
@@ -141,6 +143,7 @@ class FakePlatform(Platform):
     def take_over(self) -> None:
         """Do what a pilot does: take the robot away from whoever commands it."""
         self.hold("the pilot has taken over")
+        self._taken_over = True
 
     def disengage(self) -> None:
         """Stop and be disabled."""

@@ -33,6 +33,8 @@ class Helm:
         """What the vehicle does now was asked for by this side, so this side has to land it."""
         self.stopped = ""
         """Why consent went; empty while nothing unusual has happened."""
+        self.taken_over = False
+        """It went because the vehicle's mode changed, and nobody here had asked for that."""
         self.ground_down_m = 0.0
         """Where the drone took off, in PX4's local frame."""
         self._connection = connection
@@ -45,7 +47,7 @@ class Helm:
     def give_consent(self) -> None:
         """Let set-points out; forgets why they were stopped."""
         with self._lock:
-            self._consent, self.stopped = True, ""
+            self._consent, self.stopped, self.taken_over = True, "", False
 
     def withdraw(self, vehicle: Vehicle | None = None, reason: str = "") -> None:
         """Let nothing out any more but a last zero, to a `vehicle` that is flown; the first reason stays."""
@@ -78,6 +80,7 @@ class Helm:
         with self._lock:
             if self._expected and mode not in self._expected:
                 self.in_charge = False
+                self.taken_over = True
                 self.withdraw(reason=f"the drone went to {mode} by its pilot or its own fail-safe")
 
     def keep_alive(self, vehicle: Vehicle) -> None:

@@ -156,6 +156,7 @@ class DronePlatform(Platform):
             velocity=velocity,
             battery=heard.battery,
             stopped=self._helm.stopped,
+            taken_over=self._helm.taken_over,
         )
 
     def hold(self, reason: str) -> None:

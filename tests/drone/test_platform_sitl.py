@@ -177,6 +177,7 @@ def test_a_pilot_who_switches_the_mode_has_the_drone_for_good():
         send_for(platform, Twist(vx=1.0), 1.0)
         station.switch(POSCTL)
         took_s = until(platform, lambda state: state.stopped, within_s=3.0)
+        assert platform.state().taken_over
         print(f"takeover noticed after {took_s:.2f} s")
         assert "POSCTL" in platform.state().stopped
         with pytest.raises(PlatformError, match="POSCTL"):

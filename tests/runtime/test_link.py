@@ -101,6 +101,10 @@ def test_a_takeover_is_respected_and_told_apart_from_a_stop_of_ours():
     held = Rig().driving()
     held.link.hold("enough")
     assert not held.step(0.1, GO).takeover
+    broken = Rig().driving()
+    broken.platform.hold("the motor driver is too hot")  # a stop of the robot's that is nobody's takeover
+    status = broken.step(0.1, GO)
+    assert (status.phase, status.takeover) == (Phase.HOLDING, False)
 
 
 def test_a_robot_that_refuses_a_command_is_held_with_its_reason():
