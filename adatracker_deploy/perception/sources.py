@@ -6,10 +6,14 @@ from typing import TYPE_CHECKING
 
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.perception.camera import ROBOT, WORLD
+from adatracker_deploy.perception.mjpeg import MjpegCamera
 
 if TYPE_CHECKING:
     from adatracker_deploy.perception.camera import Camera
     from adatracker_deploy.runtime.clock import Clock
+
+
+_HTTP = ("http://", "https://")
 
 
 def check_uri(uri: str) -> None:
@@ -18,8 +22,8 @@ def check_uri(uri: str) -> None:
     Raises:
         UsageError: it cannot.
     """
-    if not uri.startswith((ROBOT, WORLD)) or uri in (ROBOT, WORLD):
-        raise UsageError(f"camera {uri!r}: expected {WORLD}SCENE or {ROBOT}TOPIC")
+    if not uri.startswith((ROBOT, WORLD, *_HTTP)) or uri in (ROBOT, WORLD, *_HTTP):
+        raise UsageError(f"camera {uri!r}: expected {WORLD}SCENE, {ROBOT}TOPIC or http://HOST:PORT/PATH")
 
 
 def open_source(uri: str, clock: Clock) -> Camera:
@@ -28,4 +32,7 @@ def open_source(uri: str, clock: Clock) -> Camera:
     Raises:
         UsageError: no camera is reached that way.
     """
-    raise UsageError(f"camera {uri!r}: cannot be opened on {clock}")
+    check_uri(uri)
+    if uri.startswith(_HTTP):
+        return MjpegCamera(uri, clock)
+    raise UsageError(f"camera {uri!r}: cannot be opened here")

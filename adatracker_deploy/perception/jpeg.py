@@ -1,0 +1,59 @@
+"""JPEG pictures of strangers: the size is read and capped before anything is decoded."""
+
+from __future__ import annotations
+
+import struct
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+LARGEST_SIDE = 8192
+"""Of any camera's picture, px."""
+
+_START, _END = b"\xff\xd8", b"\xff\xd9"
+_START_OF_SCAN = 0xDA
+_SIZE_MARKERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+"""SOF0 to SOF15; the three others of that range are DHT, JPG and DAC (ITU-T T.81, table B.1)."""
+_SEGMENT = struct.Struct(">BBH")
+_SIZE = struct.Struct(">BHH")
+
+
+def jpeg_size(data: bytes) -> tuple[int, int]:
+    """Return width and height, px, as the frame header states them (ITU-T T.81, B.2.2).
+
+    Raises:
+        ValueError: this is no JPEG.
+    """
+    if not data.startswith(_START):
+        raise ValueError("not a JPEG")
+    at = len(_START)
+    try:
+        while True:
+            prefix, marker, length = _SEGMENT.unpack_from(data, at)
+            if prefix != 0xFF or marker == _START_OF_SCAN or length < 2:
+                raise ValueError("not a JPEG: it states no size")
+            if marker in _SIZE_MARKERS:
+                _, height, width = _SIZE.unpack_from(data, at + _SEGMENT.size)
+                return width, height
+            at += 2 + length
+    except struct.error as error:
+        raise ValueError("not a JPEG: it ends in its header") from error
+
+
+def decode_jpeg(data: bytes) -> NDArray[np.uint8]:
+    """Return the picture as RGB of shape (H, W, 3).
+
+    Raises:
+        ValueError: this is no whole JPEG, or a side is 0 or longer than `LARGEST_SIDE`.
+    """
+    width, height = jpeg_size(data)
+    if not (0 < width <= LARGEST_SIDE and 0 < height <= LARGEST_SIDE):
+        raise ValueError(f"a picture of {width}x{height} px: expected sides of 1 to {LARGEST_SIDE}")
+    # A part that was cut short would decode to a picture with a grey end. Some encoders pad behind the end.
+    if _END not in data[-64:]:
+        raise ValueError("not a whole JPEG: its end is missing")
+    bgr = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    if bgr is None:
+        raise ValueError("not a JPEG that can be decoded")
+    return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)

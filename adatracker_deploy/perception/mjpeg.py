@@ -1,0 +1,142 @@
+"""Cameras that send JPEGs over HTTP: IP cameras, mjpg-streamer, ROS web_video_server, a rehearsal's far end."""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import http.client
+import select
+import socket
+import ssl
+from http import HTTPStatus
+from typing import TYPE_CHECKING
+from urllib.parse import unquote, urlsplit
+
+from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.perception.camera import OPEN_TIMEOUT_S
+from adatracker_deploy.perception.jpeg import decode_jpeg
+from adatracker_deploy.perception.live import LiveCamera, Picture
+from adatracker_deploy.perception.multipart import MultipartParser, Part
+from adatracker_deploy.perception.truth_wire import decode_truth
+
+if TYPE_CHECKING:
+    from collections.abc import Generator
+
+    from adatracker_deploy.runtime.clock import Clock
+
+_RECEIVE_BYTES = 1 << 18
+_GO_TIMEOUT_S = 2.0
+
+
+class MjpegCamera(LiveCamera):
+    """Reads a multipart stream of JPEGs; a frame's time is the run's clock when its last byte was received.
+
+    Args:
+        url: ``http://`` or ``https://``; a user and a password in it are sent as Basic authentication.
+        clock: the run's.
+    """
+
+    def __init__(self, url: str, clock: Clock) -> None:
+        self._url = urlsplit(url)
+        super().__init__(self._url._replace(netloc=self._url.netloc.rpartition("@")[2]).geturl(), clock)
+        self._socket: socket.socket | None = None
+        self.dropped = 0
+        """Parts of the stream that were no whole picture."""
+
+    def go(self) -> None:
+        """Let the people of a rehearsal walk; a camera whose frames carry no truth is not told.
+
+        Raises:
+            PlatformError: the rehearsal does not answer.
+        """
+        if self._newest is None or self._newest.truth is None:
+            return
+        try:
+            with contextlib.closing(self._connection(_GO_TIMEOUT_S)) as connection:
+                connection.request("POST", "/go", headers=self._headers())
+                status = connection.getresponse().status
+        except (OSError, http.client.HTTPException) as error:
+            raise PlatformError(f"camera {self.name}: the rehearsal cannot begin: {error}") from error
+        if status >= 300:
+            raise PlatformError(f"camera {self.name}: the rehearsal cannot begin: POST /go answered {status}")
+
+    def _pictures(self) -> Generator[Picture, None, None]:
+        try:
+            with contextlib.closing(self._connection(OPEN_TIMEOUT_S)) as connection:
+                connection.connect()
+                self._socket = connection.sock
+                if self._ending.is_set():
+                    return
+                connection.request("GET", self._path(), headers=self._headers())
+                with connection.getresponse() as response:
+                    parser = MultipartParser(self._boundary(response))
+                    yield from self._stream(response, self._socket, parser)
+        except (OSError, http.client.HTTPException, ValueError) as error:
+            reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
+            raise PlatformError(f"camera {self.name}: {reason}") from error
+
+    def _interrupt(self) -> None:
+        if self._socket is not None:
+            with contextlib.suppress(OSError):  # it has ended by itself
+                self._socket.shutdown(socket.SHUT_RDWR)
+
+    def _stream(
+        self, response: http.client.HTTPResponse, wire: socket.socket, parser: MultipartParser
+    ) -> Generator[Picture, None, None]:
+        """Decode the newest part whenever nothing more waits in the kernel: what is behind is skipped."""
+        newest: Part | None = None
+        t_ns = 0
+        while data := response.read1(_RECEIVE_BYTES):
+            if parts := parser.feed(data):
+                newest, t_ns = parts[-1], self.clock.now_ns()
+            if newest is None or _waits(wire):
+                continue
+            try:
+                picture = _decode(newest, t_ns)
+            except ValueError:
+                self.dropped += 1
+            else:
+                yield picture
+            newest = None
+
+    def _boundary(self, response: http.client.HTTPResponse) -> str:
+        if response.status == HTTPStatus.UNAUTHORIZED:
+            raise PlatformError(
+                f"camera {self.name}: wants a user: write {self._url.scheme}://USER:PASSWORD@..."
+            )
+        if response.status != HTTPStatus.OK:
+            raise PlatformError(f"camera {self.name}: answered {response.status} {response.reason}")
+        kind = response.headers.get_content_type()
+        if response.headers.get_content_maintype() != "multipart":
+            raise PlatformError(f"camera {self.name}: sends {kind}, expected a multipart stream of JPEGs")
+        return response.headers.get_boundary("")
+
+    def _connection(self, timeout_s: float) -> http.client.HTTPConnection:
+        host, port = self._url.hostname or "", self._url.port
+        if self._url.scheme == "https":
+            context = ssl.create_default_context()
+            return http.client.HTTPSConnection(host, port, timeout=timeout_s, context=context)
+        return http.client.HTTPConnection(host, port, timeout=timeout_s)
+
+    def _path(self) -> str:
+        path = self._url.path or "/"
+        return f"{path}?{self._url.query}" if self._url.query else path
+
+    def _headers(self) -> dict[str, str]:
+        if self._url.username is None:
+            return {}
+        user = f"{unquote(self._url.username)}:{unquote(self._url.password or '')}"
+        return {"Authorization": f"Basic {base64.b64encode(user.encode()).decode()}"}
+
+
+def _waits(wire: socket.socket) -> bool:
+    """Tell whether more of the stream has already arrived."""
+    if isinstance(wire, ssl.SSLSocket) and wire.pending():
+        return True
+    return bool(select.select([wire], [], [], 0)[0])
+
+
+def _decode(part: Part, t_ns: int) -> Picture:
+    truth = part.headers.get("x-truth")
+    decoded = decode_truth(base64.b64decode(truth, validate=True)) if truth is not None else None
+    return Picture(decode_jpeg(part.body), t_ns, decoded)

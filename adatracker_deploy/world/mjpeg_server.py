@@ -1,0 +1,205 @@
+"""The far end's camera as an MJPEG stream over HTTP, as IP cameras and ROS web_video_server send it.
+
+``GET /stream.mjpg`` is ``multipart/x-mixed-replace``: one JPEG a part, with its time and number, and in a
+rehearsal with its truth. Any browser can watch. ``POST /go`` lets the people walk. It listens on this machine
+alone.
+"""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import socket
+import threading
+from functools import cached_property
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import TYPE_CHECKING, Any
+
+import cv2
+
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.perception.truth_wire import encode_truth
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from adatracker_deploy.messages import Frame
+
+STREAM_PATH = "/stream.mjpg"
+GO_PATH = "/go"
+_BOUNDARY = "frame"
+_JPEG_QUALITY = 90
+_SEND_BUFFER_BYTES = 1 << 16
+"""What the kernel may hold for one client: small, or a slow one would be shown the past."""
+_SEND_TIMEOUT_S = 5.0
+"""A client that has not taken a picture for so long is dropped."""
+
+
+class MjpegServer:
+    """Serves the newest published frame to everybody who watches; a slow client skips frames.
+
+    Args:
+        port: on 127.0.0.1; 0 takes any free one.
+
+    Raises:
+        UsageError: the port is in use.
+    """
+
+    def __init__(self, port: int = 0) -> None:
+        self._newest = _Newest()
+        self._on_go: list[Callable[[], None]] = []
+        try:
+            self._server = _Server(("127.0.0.1", port), self._newest, self._go)
+        except OSError as error:
+            raise UsageError(f"TCP port {port} for the camera's stream: {error.strerror}") from error
+        self._thread = threading.Thread(target=self._server.serve_forever, args=(0.05,), name="mjpeg server")
+        self._thread.daemon = True
+        self._thread.start()
+
+    @property
+    def port(self) -> int:
+        """The TCP port that it listens on."""
+        return self._server.server_port
+
+    @property
+    def url(self) -> str:
+        """Where the stream is."""
+        return f"http://127.0.0.1:{self.port}{STREAM_PATH}"
+
+    def publish(self, frame: Frame) -> None:
+        """Show `frame` from now on; costs a notification, for those who watch encode it."""
+        self._newest.put(frame)
+
+    def on_go(self, callback: Callable[[], None]) -> None:
+        """Have `callback` called, in a thread of the server's, whenever somebody posts to ``/go``."""
+        self._on_go.append(callback)
+
+    def close(self) -> None:
+        """End every stream and free the port; may be called twice."""
+        self._newest.end()
+        self._server.shutdown()
+        self._server.disconnect_all()
+        self._server.server_close()
+        self._thread.join()
+
+    def _go(self) -> None:
+        for callback in self._on_go:
+            callback()
+
+
+class _Shot:
+    """A published frame and, once anybody has asked for it, its part of the stream."""
+
+    def __init__(self, frame: Frame) -> None:
+        self._frame = frame
+        self._encoding = threading.Lock()
+
+    def part(self) -> bytes:
+        """Return the part with its boundary; encoded once, whoever asks."""
+        with self._encoding:
+            return self._part
+
+    @cached_property
+    def _part(self) -> bytes:
+        frame = self._frame
+        bgr = cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2BGR)
+        _, jpeg = cv2.imencode(".jpg", bgr, (cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY))
+        headers = {
+            "Content-Type": "image/jpeg",
+            "Content-Length": jpeg.size,
+            "X-Timestamp": f"{frame.t_ns / 1e9:.6f}",
+            "X-Sequence": frame.seq,
+        }
+        if frame.truth is not None:
+            headers["X-Truth"] = base64.b64encode(encode_truth(frame.truth)).decode()
+        lines = (f"--{_BOUNDARY}", *(f"{name}: {value}" for name, value in headers.items()), "", "")
+        return b"".join(("\r\n".join(lines).encode(), jpeg.tobytes(), b"\r\n"))
+
+
+class _Newest:
+    """The newest shot, and a way to wait for the next."""
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._shot: _Shot | None = None
+        self._ended = False
+
+    def put(self, frame: Frame) -> None:
+        with self._changed:
+            self._shot = _Shot(frame)
+            self._changed.notify_all()
+
+    def end(self) -> None:
+        with self._changed:
+            self._ended = True
+            self._changed.notify_all()
+
+    def after(self, seen: _Shot | None) -> _Shot | None:
+        """Wait for another shot than `seen`; None when there will be none."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._ended or self._shot is not seen)
+            return None if self._ended else self._shot
+
+
+class _Server(ThreadingHTTPServer):
+    daemon_threads = True
+    allow_reuse_address = True
+
+    def __init__(self, address: tuple[str, int], newest: _Newest, go: Callable[[], None]) -> None:
+        self.newest = newest
+        self.go = go
+        self._connections: set[socket.socket] = set()
+        self._connecting = threading.Lock()
+        super().__init__(address, _Handler)
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        with self._connecting:
+            self._connections.add(request)
+        super().process_request(request, client_address)
+
+    def shutdown_request(self, request: Any) -> None:
+        with self._connecting:
+            self._connections.discard(request)
+        super().shutdown_request(request)
+
+    def disconnect_all(self) -> None:
+        with self._connecting, contextlib.suppress(OSError):
+            for connection in self._connections:
+                connection.shutdown(socket.SHUT_RDWR)
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Say nothing: a client that leaves in the middle of a picture is no error."""
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: _Server
+    timeout = _SEND_TIMEOUT_S
+    disable_nagle_algorithm = True
+
+    def setup(self) -> None:
+        self.request.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER_BYTES)
+        super().setup()
+
+    def do_GET(self) -> None:
+        if self.path != STREAM_PATH:
+            self.send_error(HTTPStatus.NOT_FOUND, explain=f"the stream is at {STREAM_PATH}")
+            return
+        self.send_response(HTTPStatus.OK)
+        self.send_header("Content-Type", f"multipart/x-mixed-replace; boundary={_BOUNDARY}")
+        self.send_header("Cache-Control", "no-store")
+        self.end_headers()
+        shot = None
+        while (shot := self.server.newest.after(shot)) is not None:
+            self.wfile.write(shot.part())
+
+    def do_POST(self) -> None:
+        if self.path != GO_PATH:
+            self.send_error(HTTPStatus.NOT_FOUND)
+            return
+        self.server.go()
+        self.send_response(HTTPStatus.NO_CONTENT)
+        self.end_headers()
+
+    def log_message(self, format: str, *args: Any) -> None:  # noqa: A002 -- http.server's name
+        """Write nothing: stderr belongs to the run."""
