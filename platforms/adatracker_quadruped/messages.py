@@ -235,7 +235,7 @@ def encode_compressed_image(image: CompressedImage) -> bytes:
 
 
 def decode_compressed_image(payload: bytes) -> CompressedImage:
-    """Return the image in a sensor_msgs/CompressedImage of at most `protocol.IMAGE_CAP_BYTES`; copies none."""
+    """Return the image in a sensor_msgs/CompressedImage of at most `protocol.IMAGE_CAP_BYTES`."""
     message = protocol.decode(payload, protocol.COMPRESSED_IMAGE, protocol.IMAGE_CAP_BYTES)
     if not message.data.size:
         raise Malformed("an image without data")

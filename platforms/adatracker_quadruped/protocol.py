@@ -53,6 +53,6 @@ def decode(payload: bytes, type_name: str, cap_bytes: int = SMALL_CAP_BYTES) -> 
     if len(payload) > cap_bytes:
         raise Malformed(f"{type_name}: {len(payload)} bytes are more than {cap_bytes}")
     try:
-        return STORE.deserialize_cdr(payload, type_name)
+        return STORE.deserialize_cdr(memoryview(payload), type_name)  # which slices: a view copies nothing
     except Exception as error:  # whatever a stranger's bytes make the generated decoder raise
         raise Malformed(f"{type_name}: {error}") from error

@@ -71,8 +71,8 @@ def open_session(connection: Connection) -> zenoh.Session:
         endpoint, waited_s = connection.endpoint, connection.connect_timeout_s
         certified = ", and that connection.tls fits its certificate" if endpoint.startswith("tls/") else ""
         raise PlatformError(
-            f"no Zenoh router or bridge answers at {endpoint} within {waited_s:g} s: check that it runs on the "
-            f"robot and that connection.endpoint names it{certified}"
+            f"no Zenoh router or bridge answers at {endpoint} within {waited_s:g} s: check that it runs on "
+            f"the robot and that connection.endpoint names it{certified}"
         ) from error
 
 
