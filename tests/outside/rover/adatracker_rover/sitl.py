@@ -1,0 +1,111 @@
+"""The simulated far end: a rover behind a UDP port of this machine, in a process of its own.
+
+`RoverSitl` starts it for a rehearsal; by hand: ``python -m adatracker_rover.sitl --port 5005``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import dataclasses
+import json
+import socket
+import sys
+from typing import TYPE_CHECKING
+
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.far_end import (
+    FarEndProcess,
+    add_arguments,
+    announce,
+    far_end_clock,
+    lifeline,
+    refuse,
+)
+from adatracker_deploy.platform import Sitl
+from adatracker_deploy.runtime.pacer import Pacer
+from adatracker_deploy.schema import parse
+
+from adatracker_rover.firmware import Rover
+from adatracker_rover.settings import SitlSettings
+
+if TYPE_CHECKING:
+    import threading
+
+    from adatracker_deploy.platform import Scenario
+    from adatracker_deploy.profile import Profile
+    from adatracker_deploy.runtime.clock import Clock
+
+RATE_HZ = 50.0
+"""Of the rover's control loop and of its reports."""
+_MOST_DATAGRAMS = 100
+"""Read in one turn: a flood must not keep the rover from being driven."""
+
+
+class RoverSitl(Sitl):
+    """Starts the far end on a free port, whatever the profile's address: rehearsals never collide."""
+
+    def __init__(self, profile: Profile) -> None:
+        self._profile = profile
+        self._process = FarEndProcess("adatracker_rover.sitl", "simulated rover")
+
+    def start(self, clock: Clock, scenario: Scenario) -> Profile:
+        """Start the process; return the profile with its address, and a camera drawn from the rover's pose.
+
+        Raises:
+            PlatformError: it did not come up.
+        """
+        settings = json.dumps(dataclasses.asdict(self._profile.sitl))
+        ready = self._process.start(clock, ["--settings", settings, "--seed", str(scenario.seed)])
+        return dataclasses.replace(
+            self._profile,
+            connection=dataclasses.replace(self._profile.connection, host="127.0.0.1", port=ready["port"]),
+            camera=dataclasses.replace(self._profile.camera, uri=f"world://{scenario.scene}"),
+        )
+
+    def close(self) -> None:
+        """End the process once its rover is at rest."""
+        self._process.close()
+
+
+def serve(rover: Rover, wire: socket.socket, clock: Clock, ended: threading.Event) -> None:
+    """Run the rover until `ended` is set and it is at rest; reports go to whoever asked last."""
+    wire.setblocking(False)
+    pacer = Pacer(clock, RATE_HZ)
+    host: tuple[str, int] | None = None
+    while not (ended.is_set() and rover.at_rest):
+        now_s = pacer.wait().t_ns / 1e9
+        with contextlib.suppress(BlockingIOError):
+            for _ in range(_MOST_DATAGRAMS):
+                data, address = wire.recvfrom(64)
+                if rover.receive(data):
+                    host = address
+        rover.step(now_s)
+        if host is not None:
+            with contextlib.suppress(OSError):  # a host that is gone, or full, misses a report
+                wire.sendto(rover.report(), host)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the far end until it is told to end; return the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m adatracker_rover.sitl", description="A simulated rover.")
+    parser.add_argument("--port", type=int, default=0, help="UDP port on 127.0.0.1; 0 for any free one")
+    parser.add_argument("--settings", default="{}", help="the profile's sitl: section, as JSON")
+    add_arguments(parser)
+    args = parser.parse_args(argv)
+    clock = far_end_clock(args)
+    try:
+        settings = parse(SitlSettings, json.loads(args.settings), where="settings")
+        wire = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        wire.bind(("127.0.0.1", args.port))
+    except (UsageError, json.JSONDecodeError, OSError, OverflowError) as error:
+        return refuse(error)
+    with wire, contextlib.suppress(KeyboardInterrupt):
+        ended = lifeline(args)
+        announce(port=wire.getsockname()[1])
+        serve(Rover(settings, args.seed, clock.now_ns() / 1e9, clock.speed), wire, clock, ended)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,90 @@
+"""A robot from outside, installed beside the toolkit, is found, rehearsed and held to every promise."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import venv
+from pathlib import Path
+
+import pytest
+
+PROJECT = Path(__file__).parent / "rover"
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory):
+    """A copy of the rover's project, as somebody would make it who starts a robot of their own."""
+    copy = tmp_path_factory.mktemp("outside") / "rover"
+    shutil.copytree(PROJECT, copy, ignore=shutil.ignore_patterns(".*", "__pycache__"))
+    return copy
+
+
+@pytest.fixture(scope="module")
+def run(project):
+    """Run a module in a fresh virtual environment that has the toolkit and, installed, the rover."""
+    environment = project.parent / "environment"
+    venv.create(environment, with_pip=False, symlinks=True)
+    scheme = {"base": str(environment), "platbase": str(environment)}
+    site = Path(sysconfig.get_path("purelib", "venv", scheme))
+    # A .pth in a folder that is itself named in a .pth is not read; `addsitedir` reads it: the toolkit may
+    # be installed editable here.
+    (site / "toolkit.pth").write_text(f"import site; site.addsitedir({sysconfig.get_path('purelib')!r})\n")
+
+    def run(*arguments: str, folder: Path = project) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [environment / "bin" / "python", "-P", "-m", *arguments],
+            check=False,
+            cwd=folder,
+            env=os.environ | {"PYTHONDONTWRITEBYTECODE": "1"},
+            capture_output=True,
+            text=True,
+            timeout=170,
+        )
+
+    installed = run("pip", "install", "-q", "--no-build-isolation", "--no-deps", "--no-index", str(project))
+    assert installed.returncode == 0, installed.stderr
+    return run
+
+
+@pytest.mark.slow
+def test_it_is_listed_with_its_profile(run, tmp_path):
+    for what, text in (("platforms", "default profile rover"), ("profiles", "rover: the example rover")):
+        listed = run("adatracker_deploy", what, "--json", folder=tmp_path)
+        assert listed.returncode == 0, listed.stderr
+        assert text in json.loads(listed.stdout)[what]["rover"]
+
+
+@pytest.mark.slow
+def test_it_rehearses(run, tmp_path):
+    done = run(
+        "adatracker_deploy", *("--platform", "rover", "--sitl", "--steps", "60", "--json"), folder=tmp_path
+    )
+    assert done.returncode == 0, done.stderr
+    summary = json.loads(done.stdout.splitlines()[-1])
+    print({key: summary[key] for key in ("mr", "el", "rate_hz", "stop_s")})
+    assert summary["outcome"] == "completed"
+    assert summary["mr"] > 0
+
+
+@pytest.mark.slow
+def test_its_own_tests_pass_where_it_is_installed(run):
+    """They inherit the conformance suite from the toolkit."""
+    tested = run("pytest", "-q", "-p", "no:cacheprovider")
+    assert tested.returncode == 0, tested.stdout
+    print(tested.stdout.splitlines()[-1])
+
+
+@pytest.mark.slow
+def test_the_toolkit_knows_nothing_of_it_where_it_is_not_installed():
+    listed = subprocess.run(
+        [sys.executable, "-m", "adatracker_deploy", "platforms", "--json"],
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    assert "rover" not in json.loads(listed.stdout)["platforms"]
