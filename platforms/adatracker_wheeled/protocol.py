@@ -14,7 +14,7 @@ Mode = Literal["standby", "ours", "remote", "unknown"]
 """Who drives the base: nobody, this toolkit, somebody with a transmitter, or none of the values known."""
 
 
-class Malformed(ValueError):
+class Malformed(ValueError):  # noqa: N818 - it reads as the adjective that it is
     """A frame with an id that a role names whose content cannot be believed: drop it and count it."""
 
 

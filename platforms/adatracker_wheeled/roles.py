@@ -1,27 +1,41 @@
 """Which messages of a DBC do what: the ``roles:`` part of a wheeled base's profile.
 
 A base of one's own needs its DBC and this. Values are linked as *quantity: signal*, where the quantity's name
-carries its unit and the signal is the DBC's. ``{signal: NAME, scale: S}`` says that quantity = S times signal,
-for a mirrored motor (-1), a percentage (0.01) or a unit that is not in the table.
+carries its unit and the signal is the DBC's. ``{signal: NAME, scale: S}`` says that the quantity is S times
+the signal, for a mirrored motor (-1), a percentage (0.01) or a unit that is not in the table.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Literal
 
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.schema import Range
 
-Speed = Literal[
-    "vx_m_s", "vy_m_s", "yaw_rate_rad_s", "steering_rad",
-    "left_m_s", "left_rad_s", "left_turns_s", "right_m_s", "right_rad_s", "right_turns_s",
-]  # fmt: skip
-"""Quantities of commands and of measured motion: body velocity, steering angle (left positive), wheel speeds."""
-Distance = Literal["left_m", "left_rad", "left_turns", "right_m", "right_rad", "right_turns"]
-"""Quantities of odometry: how far the wheels have rolled since power-on."""
-Charge = Literal["charge", "volts"]
-"""Quantities of a battery: state of charge from 0 to 1, voltage in V."""
+_ANGLE_RAD = {"rad": 1.0, "turns": math.tau}
+WHEEL_ANGLES = {
+    f"{side}_{unit}{per}": (f"{side}_m{per}", radians)
+    for side in ("left", "right")
+    for unit, radians in _ANGLE_RAD.items()
+    for per in ("", "_s")
+}
+"""From a wheel quantity told as an angle to the same at the wheel's rim, and the unit's radians."""
+_KNOWN = {
+    "command": ("vx_m_s", "vy_m_s", "yaw_rate_rad_s", "steering_rad", "left_m_s", "right_m_s"),
+    "feedback": ("vx_m_s", "vy_m_s", "yaw_rate_rad_s", "steering_rad", "left_m_s", "right_m_s"),
+    "odometry": ("left_m", "right_m"),
+    "battery": ("charge", "volts"),
+}
+"""Quantities of each role: body velocity, steering angle, wheel speeds and ways; charge is 0 to 1."""
+_MOTIONS = (("vx_m_s", "yaw_rate_rad_s"), ("vx_m_s", "steering_rad"), ("left_m_s", "right_m_s"))
+_COMPLETE = {"command": _MOTIONS, "feedback": _MOTIONS, "odometry": (("left_m", "right_m"),)}
+
+
+def at_rim(quantity: str) -> str:
+    """Return a wheel quantity's name in metres of the rim; any other name as it is."""
+    return WHEEL_ANGLES[quantity][0] if quantity in WHEEL_ANGLES else quantity
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,7 +82,7 @@ class State:
     """The signal that tells who drives; its values are listed next."""
     ours: tuple[int, ...]
     standby: tuple[int, ...] = ()
-    """Also a value that means both standby and remote control: such a base shows which by refusing to enable."""
+    """Also a value that means standby or remote control: such a base tells which by refusing to enable."""
     remote: tuple[int, ...] = ()
     condition: str | None = None
     """The signal that tells the base's health; a value in neither of the next lists is a fault."""
@@ -139,6 +153,8 @@ class Steering:
     wheelbase_m: Annotated[float, Range(0.05, 5)]
     max_angle_rad: Annotated[float, Range(0.05, 1.5)]
     """Largest angle of the steered wheels, as the wire speaks of it."""
+    inner_track_m: Annotated[float, Range(0, 5)] = 0.0
+    """Between the front wheels, where the wire speaks of the inner one's angle; 0 for the bicycle model's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,8 +165,6 @@ class Roles:
     """A shipped file's name, or a path; a relative path is relative to the working directory."""
     checksum: Literal["none", "agilex_v1"] = "none"
     """How frames are protected: ``agilex_v1`` sums them up into their last byte."""
-    drive: Literal["twist", "differential", "ackermann"] = "twist"
-    """What the base takes: a velocity, a speed for each side, or a speed and a steering angle."""
     wheels: Wheels | None = None
     steering: Steering | None = None
     command: tuple[Linked, ...]
@@ -165,20 +179,39 @@ class Roles:
     timing: Timing = field(default_factory=Timing)
 
     def __post_init__(self) -> None:
-        if self.drive == "differential" and self.wheels is None:
-            raise UsageError("roles: drive: differential needs wheels: {track_m: ...}")
-        if self.drive == "ackermann" and self.steering is None:
-            raise UsageError("roles: drive: ackermann needs steering: {wheelbase_m: ..., max_angle_rad: ...}")
-        for role, known in (
-            ("command", Speed),
-            ("feedback", Speed),
-            ("odometry", Distance),
-            ("battery", Charge),
-        ):
-            for linked in getattr(self, role):
-                for quantity in linked.signals:
-                    if quantity not in get_args(known):
-                        raise UsageError(
-                            f"roles: {role}: {linked.message}: unknown quantity {quantity!r}; "
-                            f"known are {', '.join(get_args(known))}"
-                        )
+        for role in _KNOWN:
+            self._check(role, getattr(self, role))
+
+    def _check(self, role: str, parts: tuple[Linked, ...]) -> None:
+        """Check that a role's quantities are known, amount to a motion and have their geometry given."""
+        given = [quantity for part in parts for quantity in part.signals]
+        names = [at_rim(quantity) for quantity in given]
+        for name, quantity in zip(names, given, strict=True):
+            if name not in _KNOWN[role]:
+                known = [
+                    *_KNOWN[role],
+                    *(angle for angle, (rim, _) in WHEEL_ANGLES.items() if rim in _KNOWN[role]),
+                ]
+                raise UsageError(
+                    f"roles: {role}: unknown quantity {quantity!r}; known are {', '.join(known)}"
+                )
+        ways = _COMPLETE.get(role, ()) if parts or role in ("command", "feedback") else ()
+        if len(set(names)) < len(names) or (ways and sum(set(way) <= set(names) for way in ways) != 1):
+            wanted = " or ".join(" and ".join(way) for way in ways) or "each quantity"
+            raise UsageError(
+                f"roles: {role}: must carry {wanted}, once; it carries {', '.join(given) or 'nothing'}"
+            )
+        if "left_m_s" in names and self.wheels is None:
+            raise UsageError(f"roles: {role}: wheel speeds need wheels: {{track_m: ...}}")
+        if names != given and (self.wheels is None or self.wheels.radius_m is None):
+            raise UsageError(f"roles: {role}: wheel angles need wheels: {{track_m: ..., radius_m: ...}}")
+        if "steering_rad" in names and self.steering is None:
+            raise UsageError(f"roles: {role}: needs steering: {{wheelbase_m: ..., max_angle_rad: ...}}")
+
+    @property
+    def drive(self) -> Literal["twist", "differential", "ackermann"]:
+        """What the base takes: a velocity, a speed for each side, or a speed and a steering angle."""
+        names = {at_rim(quantity) for part in self.command for quantity in part.signals}
+        if "left_m_s" in names:
+            return "differential"
+        return "ackermann" if "steering_rad" in names else "twist"

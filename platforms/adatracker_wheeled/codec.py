@@ -1,0 +1,218 @@
+"""Between values and CAN frames, in both directions, by a DBC and the profile's roles; no I/O.
+
+The adapter uses `command`, `enable` ... and `parse`; the simulated far end uses `parse_command` and the
+``*_frames``, from the same description, so neither can disagree with the other about a byte.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from itertools import product
+
+from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.platform import Limits, Twist
+from adatracker_wheeled.dispatch import Dispatch, Gather, Reader, Told
+from adatracker_wheeled.drive import CREEP_M_S, Drive
+from adatracker_wheeled.layout import Database, Raw
+from adatracker_wheeled.part import Part, Quantities
+from adatracker_wheeled.protocol import BaseStatus, CanFrame, Demand, Malformed, Reading
+from adatracker_wheeled.roles import Fixed, Linked, Roles
+from adatracker_wheeled.status import StatusCodec, worst
+
+FASTEST = 100.0
+"""Nothing above this, in m/s or rad/s, is a command for a base."""
+
+_REQUESTS = ("enable", "disable", "clear_errors", "release_brake")
+
+
+class Codec:
+    """One base's language.
+
+    Where a motion or a state is spread over several messages (one a wheel), `parse` and `parse_command` tell
+    it when each of them has come, and then begin again: use one codec a receiver, from one thread.
+    """
+
+    def __init__(self, roles: Roles) -> None:
+        """Read the DBC and look up everything that the roles name.
+
+        Raises:
+            UsageError: one line that names the role, the file, the message and the signal.
+        """
+        self._database = Database(roles.dbc, roles.checksum)
+        self._roles = roles
+        self._drive = Drive(roles.wheels, roles.steering)
+        self._command = self._parts("command", roles.command)
+        self._feedback = self._parts("feedback", roles.feedback)
+        self._odometry = self._parts("odometry", roles.odometry)
+        self._battery = self._parts("battery", roles.battery)
+        self._requests = {name: self._parts(name, getattr(roles, name)) for name in _REQUESTS}
+        self._states = [
+            StatusCodec(roles.state, self._database.layout(name, "state")) for name in roles.state.messages
+        ]
+        self._from_base = self._listen_to_base()
+        self._to_base = self._listen_to_commands()
+        for part in self._command:
+            for link in part.links:
+                if link.signal.exact(0.0) is None:
+                    raise UsageError(
+                        f"{part.layout.where}: {part.layout.name}.{link.signal.name} cannot say zero"
+                    )
+
+    def _parts(self, role: str, described: tuple[Linked, ...] | tuple[Fixed, ...]) -> tuple[Part, ...]:
+        return tuple(
+            Part.of(each, self._database.layout(each.message, role), self._roles.wheels) for each in described
+        )
+
+    # ---- towards the base
+
+    def command(self, twist: Twist, count: int = 0) -> tuple[Twist, tuple[CanFrame, ...]]:
+        """Return the velocity that the frames really say (clipped, rounded, steered), and the frames.
+
+        Args:
+            twist: body frame, m/s and rad/s; a component that the base cannot follow is left out.
+            count: how many commands came before, for bases that want frames counted.
+
+        Raises:
+            PlatformError: a component is NaN, infinite or beyond `FASTEST`; nothing is encoded.
+        """
+        if not all(abs(value) <= FASTEST for value in (twist.vx, twist.vy, twist.vz, twist.yaw_rate)):
+            raise PlatformError(f"refused to send {twist}: not a velocity that a base can drive")
+        values = self._drive.quantities(twist)
+        said: Quantities = {}
+        frames = []
+        for part in self._command:
+            frame, part_said = part.encode(values, count)
+            frames.append(frame)
+            said |= part_said
+        return self._drive.twist(said), tuple(frames)
+
+    def enable(self, count: int = 0) -> tuple[CanFrame, ...]:
+        """Return the frames that ask the base to obey; empty where it needs none."""
+        return self._request("enable", count)
+
+    def disable(self, count: int = 0) -> tuple[CanFrame, ...]:
+        """Return the frames that ask the base to obey no longer."""
+        return self._request("disable", count)
+
+    def clear_errors(self, count: int = 0) -> tuple[CanFrame, ...]:
+        """Return the frames that clear latched errors."""
+        return self._request("clear_errors", count)
+
+    def release_brake(self, count: int = 0) -> tuple[CanFrame, ...]:
+        """Return the frames that release the parking brake."""
+        return self._request("release_brake", count)
+
+    def _request(self, name: str, count: int) -> tuple[CanFrame, ...]:
+        return tuple(part.encode({}, count)[0] for part in self._requests[name])
+
+    def check_limits(self, limits: Limits) -> None:
+        """Check that every velocity within the profile's limits can be said.
+
+        Raises:
+            UsageError: a signal is too narrow; the line names it and what it reaches.
+        """
+        speeds = (limits.forward_m_s, -limits.backward_m_s, CREEP_M_S, -CREEP_M_S)
+        turns = (limits.yaw_rate_rad_s, -limits.yaw_rate_rad_s)
+        for vx, yaw_rate in product(speeds, turns):
+            values = self._drive.quantities(Twist(vx=vx, yaw_rate=yaw_rate))
+            for part in self._command:
+                for link in part.links:
+                    low, high = link.span
+                    value = values[link.quantity]
+                    if not low - 1e-9 <= value <= high + 1e-9:
+                        raise UsageError(
+                            f"{part.layout.where}: {part.layout.name}.{link.signal.name} says "
+                            f"{link.quantity} from {low:.4g} to {high:.4g}, but the profile's limits reach "
+                            f"{value:.4g}: lower them"
+                        )
+
+    # ---- from the base
+
+    def parse(self, frame: CanFrame) -> Reading | None:
+        """Return what a received frame tells, or None when no role names it.
+
+        Raises:
+            Malformed: a frame that a role names is short, oversized, wrong in its checksum or out of range.
+        """
+        told = self._from_base.read(frame)
+        return None if told is None else Reading(**told)
+
+    @property
+    def wheel_wrap_m(self) -> float | None:
+        """After how many metres the wheels' counters start over; None when they do not, or there are none."""
+        wraps = [link.wrap for part in self._odometry for link in part.links if link.wrap is not None]
+        return min(wraps, default=None)
+
+    def _listen_to_base(self) -> Dispatch:
+        dispatch = Dispatch()
+        dispatch.add_parts(self._feedback, lambda said: {"motion": self._drive.twist(said)})
+        dispatch.add_parts(self._odometry, lambda said: {"wheels_m": (said["left_m"], said["right_m"])})
+        dispatch.add_parts(self._battery, _battery)
+        gather: Gather[BaseStatus] = Gather(len(self._states))
+        for index, state in enumerate(self._states):
+            dispatch.add(state.layout, _state_reader(gather, index, state))
+        return dispatch
+
+    # ---- the far end
+
+    def parse_command(self, frame: CanFrame) -> Demand | None:
+        """Return what a frame asks of the base, or None when no role of that direction names it.
+
+        Raises:
+            Malformed: as in `parse`.
+        """
+        told = self._to_base.read(frame)
+        return None if told is None else Demand(**told)
+
+    def _listen_to_commands(self) -> Dispatch:
+        dispatch = Dispatch()
+        dispatch.add_parts(self._command, lambda said: {"twist": self._drive.twist(said)})
+        for name, parts in self._requests.items():
+            dispatch.add_parts(parts, partial(_ask, name))
+        return dispatch
+
+    def status_frames(self, status: BaseStatus, count: int = 0) -> tuple[CanFrame, ...]:
+        """Return the frames in which the base says its condition.
+
+        Raises:
+            UsageError: the profile names no way to say it.
+        """
+        return tuple(state.encode(status, count) for state in self._states)
+
+    def feedback_frames(self, motion: Twist, count: int = 0) -> tuple[CanFrame, ...]:
+        """Return the frames in which the base tells its measured velocity."""
+        values = self._drive.quantities(motion)
+        return tuple(part.encode(values, count)[0] for part in self._feedback)
+
+    def odometry_frames(self, wheels_m: tuple[float, float], count: int = 0) -> tuple[CanFrame, ...]:
+        """Return the frames in which the base tells how far its wheels have rolled; counters wrap around."""
+        left, right = (_wrapped(rolled, self.wheel_wrap_m) for rolled in wheels_m)
+        return tuple(part.encode({"left_m": left, "right_m": right}, count)[0] for part in self._odometry)
+
+    def battery_frames(self, charge: float, volts: float, count: int = 0) -> tuple[CanFrame, ...]:
+        """Return the frames in which the base tells of its battery: charge 0 to 1, voltage in V."""
+        return tuple(part.encode({"charge": charge, "volts": volts}, count)[0] for part in self._battery)
+
+
+def _state_reader(gather: Gather[BaseStatus], index: int, state: StatusCodec) -> Reader:
+    def read(raws: dict[str, Raw]) -> Told:
+        complete = gather.add(index, state.read(raws))
+        return {"status": worst(complete)} if complete else {}
+
+    return read
+
+
+def _ask(name: str, _said: Quantities) -> Told:
+    return {name: True}
+
+
+def _battery(said: Quantities) -> Told:
+    charge = said.get("charge")
+    if charge is not None and not 0 <= charge <= 1:
+        raise Malformed(f"a state of charge of {charge:g} is out of its range")
+    return {"battery": charge, "volts": said.get("volts")}
+
+
+def _wrapped(rolled_m: float, wrap_m: float | None) -> float:
+    """Return what a signed counter shows after it has wrapped around."""
+    return rolled_m if wrap_m is None else (rolled_m + wrap_m / 2) % wrap_m - wrap_m / 2

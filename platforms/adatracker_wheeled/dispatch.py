@@ -1,0 +1,78 @@
+"""Which readers a received frame goes to, by its id."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, Generic, TypeVar
+
+from adatracker_wheeled.layout import Layout, Raw
+from adatracker_wheeled.part import Part, Quantities
+from adatracker_wheeled.protocol import CanFrame
+
+T = TypeVar("T")
+Told = dict[str, Any]
+"""Fields of a `Reading` or a `Demand`."""
+Reader = Callable[[dict[str, Raw]], Told]
+
+
+class Gather(Generic[T]):
+    """Waits until each of several messages has come, so that no half is told with an old other half."""
+
+    def __init__(self, size: int) -> None:
+        self._missing = self._all = frozenset(range(size))
+        self._got: dict[int, T] = {}
+
+    def add(self, index: int, value: T) -> list[T]:
+        """Take one part; return all of them once the set is complete, else nothing, and then start over."""
+        self._got[index] = value
+        self._missing -= {index}
+        if self._missing:
+            return []
+        self._missing = self._all
+        return [self._got[each] for each in sorted(self._all)]
+
+
+class Dispatch:
+    """The messages that one side listens to."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[int, bool], tuple[Layout, list[Reader]]] = {}
+
+    def add(self, layout: Layout, reader: Reader) -> None:
+        """Let a reader see every well-formed frame of a message."""
+        self._known.setdefault((layout.id, layout.extended), (layout, []))[1].append(reader)
+
+    def add_parts(self, parts: Sequence[Part], tell: Callable[[Quantities], Told]) -> None:
+        """Tell what several messages carry together, each time that all of them have come."""
+        gather: Gather[Quantities] = Gather(len(parts))
+        for index, part in enumerate(parts):
+            self.add(part.layout, _part_reader(gather, index, part, tell))
+
+    def read(self, frame: CanFrame) -> Told | None:
+        """Return what a frame tells, or None when nobody listens to its id.
+
+        Raises:
+            Malformed: somebody does, and the frame cannot be believed.
+        """
+        known = self._known.get((frame.id, frame.extended))
+        if known is None:
+            return None
+        layout, readers = known
+        raws = layout.decode(frame)
+        told: Told = {}
+        for reader in readers:
+            told |= reader(raws)
+        return told
+
+
+def _part_reader(
+    gather: Gather[Quantities], index: int, part: Part, tell: Callable[[Quantities], Told]
+) -> Reader:
+    def read(raws: dict[str, Raw]) -> Told:
+        if not part.matches(raws):
+            return {}
+        complete = gather.add(index, part.read(raws))
+        said = {quantity: value for each in complete for quantity, value in each.items()}
+        return tell(said) if complete else {}
+
+    return read

@@ -1,0 +1,137 @@
+"""A base's condition from the signals of a state message, and back for the simulated far end."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from adatracker_deploy.errors import UsageError
+from adatracker_wheeled.layout import Layout, Raw, Signal
+from adatracker_wheeled.protocol import BaseStatus, CanFrame, Mode
+from adatracker_wheeled.roles import State
+
+_NAMES: dict[Mode, str] = {"ours": "commanded", "standby": "standby", "remote": "remote control"}
+_WORST_FIRST: tuple[Mode, ...] = ("remote", "unknown", "standby", "ours")
+
+
+class StatusCodec:
+    """One state message, as `roles.State` describes it."""
+
+    def __init__(self, state: State, layout: Layout) -> None:
+        self.layout = layout
+        self._state = state
+        self._mode = layout.signal(state.mode)
+        self._condition, self._errors, self._volts, self._count = (
+            layout.signal(name) if name else None
+            for name in (state.condition, state.errors, state.volts, state.count)
+        )
+        meanings: dict[Mode, tuple[int, ...]] = {
+            "standby": state.standby,
+            "ours": state.ours,
+            "remote": state.remote,
+        }
+        self._modes: dict[Raw, Mode] = {raw: mode for mode, raws in meanings.items() for raw in raws}
+        self._faults = {bit: name for name, bit in state.faults.items()}
+        self._ignored = sum(1 << bit for bit in state.warnings)
+        self._check_reach()
+
+    def _check_reach(self) -> None:
+        meant = (
+            (self._mode, tuple(self._modes)),
+            (self._condition, self._state.ok + self._state.emergency_stop),
+            (self._errors, tuple(1 << bit for bit in self._faults)),
+        )
+        for signal, raws in meant:
+            for raw in raws:
+                if signal is not None and not signal.low <= raw <= signal.high:
+                    raise UsageError(f"{self.layout.where}: {self.layout.name}.{signal.name} is never {raw}")
+
+    def read(self, raws: dict[str, Raw]) -> BaseStatus:
+        """Tell what the signals of one message mean; a value that no list names is unknown, or a fault."""
+        raw = raws[self._mode.name]
+        mode = self._modes.get(raw, "unknown")
+        condition = raws[self._condition.name] if self._condition else None
+        stopped = condition in self._state.emergency_stop
+        faults = self._fault_names(int(raws[self._errors.name]) & ~self._ignored) if self._errors else []
+        if not faults and not stopped and condition is not None and condition not in self._state.ok:
+            faults = [f"condition {condition}"]
+        return BaseStatus(
+            mode=mode,
+            mode_name=_NAMES.get(mode, f"mode {raw}"[:23]),
+            emergency_stop=stopped,
+            fault=", ".join(faults),
+            volts=self._volts.to_value(raws[self._volts.name]) if self._volts else None,
+            count=int(raws[self._count.name]) if self._count else None,
+        )
+
+    def _fault_names(self, bits: int) -> list[str]:
+        return [
+            self._faults.get(bit, f"error bit {bit}") for bit in range(bits.bit_length()) if bits >> bit & 1
+        ]
+
+    def encode(self, status: BaseStatus, count: int) -> CanFrame:
+        """Return the frame in which a base would say `status`.
+
+        Raises:
+            UsageError: the profile names no way to say it.
+        """
+        raws: dict[str, Raw] = {self._mode.name: self._raw_mode(status.mode)}
+        if self._condition:
+            raws[self._condition.name] = self._raw_condition(status)
+        elif status.emergency_stop:
+            raise UsageError("roles: state: names no signal that can tell of an emergency stop")
+        if self._errors:
+            raws[self._errors.name] = sum(1 << self._bit(name) for name in status.fault.split(", ") if name)
+        if self._volts and status.volts is not None:
+            raws[self._volts.name] = self._volts.to_raw(status.volts)
+        if self._count:
+            raws[self._count.name] = count % (int(self._count.high) + 1)
+        return self.layout.encode(raws)
+
+    def _raw_mode(self, mode: Mode) -> Raw:
+        if mode == "unknown":
+            return _unused(self._mode, tuple(self._modes))
+        for raw, meaning in self._modes.items():
+            if meaning == mode:
+                return raw
+        raise UsageError(f"roles: state: names no mode value for {mode}")
+
+    def _raw_condition(self, status: BaseStatus) -> Raw:
+        if status.emergency_stop:
+            if not self._state.emergency_stop:
+                raise UsageError("roles: state: names no value for an emergency stop")
+            return self._state.emergency_stop[0]
+        if not status.fault:
+            return self._state.ok[0]
+        assert self._condition is not None
+        return _unused(self._condition, self._state.ok + self._state.emergency_stop)
+
+    def _bit(self, name: str) -> int:
+        if name not in self._state.faults:
+            raise UsageError(
+                f"unknown fault {name!r}; this base knows {', '.join(self._state.faults) or 'none'}"
+            )
+        return self._state.faults[name]
+
+
+def _unused(signal: Signal, taken: Sequence[Raw]) -> Raw:
+    """Return the first number that a signal can say and that has no meaning."""
+    for raw in range(int(signal.low), int(signal.high) + 1):
+        if raw not in taken:
+            return raw
+    raise UsageError(f"roles: state: every value of {signal.name} has a meaning")
+
+
+def worst(statuses: Sequence[BaseStatus]) -> BaseStatus:
+    """Return what several axes amount to: the least good mode, every fault, the lowest voltage."""
+    if len(statuses) == 1:
+        return statuses[0]
+    lead = min(statuses, key=lambda status: _WORST_FIRST.index(status.mode))
+    faults = dict.fromkeys(name for status in statuses for name in status.fault.split(", ") if name)
+    return BaseStatus(
+        mode=lead.mode,
+        mode_name=lead.mode_name,
+        emergency_stop=any(status.emergency_stop for status in statuses),
+        fault=", ".join(faults),
+        volts=min((status.volts for status in statuses if status.volts is not None), default=None),
+        count=lead.count,
+    )
