@@ -32,8 +32,6 @@ LONGEST_TIMEOUT_S = 0.5
 _ASK_EVERY_S = 0.1
 _ASKS = 15
 """Datagrams get lost, so the rover is asked again; after 1.5 s it does not answer."""
-_STILL = 0.05
-"""m/s and rad/s."""
 
 
 class _Charge(enum.Enum):
@@ -66,6 +64,7 @@ class RoverPlatform(Platform):
         self._heard_ns = 0
         self._charge = _Charge.NONE
         self._stopped = ""
+        self._taken_over = False
 
     def connect(self) -> None:
         """Open the socket and wait for the first report; moves nothing.
@@ -112,9 +111,10 @@ class RoverPlatform(Platform):
                 return
             if report.mode is Mode.REMOTE:
                 raise PlatformError("somebody drives the rover by remote control: switch that off first")
-            self._charge, self._stopped = _Charge.ENGAGING, ""
+            self._charge, self._stopped, self._taken_over = _Charge.ENGAGING, "", False
             # Only a rover that was heard to be stopped can be heard to start: an old report may say DRIVE.
-            obeys = self._ask_until(Ask.STOP, _stopped) and self._ask_until(Ask.ENABLE, _driving)
+            braked = self._ask_until(Ask.STOP, lambda report: report.braked)
+            obeys = braked and self._ask_until(Ask.ENABLE, lambda report: not report.braked)
             if self._charge is not _Charge.ENGAGING:
                 raise PlatformError(f"engaging was stopped: {self._stopped or 'disengaged'}")
             self._charge = _Charge.ENGAGED if obeys else _Charge.STOPPING
@@ -153,15 +153,16 @@ class RoverPlatform(Platform):
                 velocity=report.velocity,
                 battery=report.battery,
                 stopped=self._stopped,
+                taken_over=self._taken_over,
             )
 
     def hold(self, reason: str) -> None:
         """Stop the rover and return once it says that it brakes."""
-        self._stop(reason, _stopped)
+        self._stop(reason, lambda report: report.braked)
 
     def disengage(self) -> None:
         """Stop the rover, return once it stands, and leave it alone from then on."""
-        self._stop("", lambda report: _stopped(report) and _standing(report))
+        self._stop("", lambda report: report.at_rest)
 
     def close(self) -> None:
         """Stop the rover if it is still ours, and let go of the socket and the thread."""
@@ -196,12 +197,14 @@ class RoverPlatform(Platform):
                 return
             if not confirmed:
                 raise PlatformError("the rover does not confirm its stop: press its stop button")
-            if self._report is not None and _standing(self._report):
+            if self._report is not None and self._report.at_rest:
                 self._charge = _Charge.NONE
 
-    def _latch(self, charge: _Charge, reason: str) -> None:
+    def _latch(self, charge: _Charge, reason: str, *, taken_over: bool = False) -> None:
         """Let no DRIVE out any more, until an explicit engage; the first reason stays."""
-        self._charge, self._stopped = charge, self._stopped or reason[:95]
+        self._charge = charge
+        if not self._stopped:
+            self._stopped, self._taken_over = reason[:95], taken_over
         self._changed.notify_all()
 
     def _hear(self, report: Report) -> None:
@@ -209,9 +212,9 @@ class RoverPlatform(Platform):
         with self._changed:
             self._report, self._heard_ns = report, self.clock.now_ns()
             if report.mode is Mode.REMOTE and self._charge is not _Charge.NONE:
-                self._latch(_Charge.NONE, "somebody took the rover over by remote control")
-            elif report.mode is not Mode.DRIVE and self._charge is _Charge.ENGAGED:
-                self._latch(_Charge.STOPPING, f"the rover went to {report.mode.name} by itself")
+                self._latch(_Charge.NONE, "somebody took the rover over by remote control", taken_over=True)
+            elif report.braked and self._charge is _Charge.ENGAGED:
+                self._latch(_Charge.STOPPING, f"the rover itself went to {report.mode.name}", taken_over=True)
             self._changed.notify_all()
 
     def _ask_until(self, ask: Ask, answered: Callable[[Report], bool]) -> bool:
@@ -241,15 +244,3 @@ class RoverPlatform(Platform):
         if report is None:
             raise PlatformError("the rover is not connected: connect first")
         return report
-
-
-def _driving(report: Report) -> bool:
-    return report.mode is Mode.DRIVE
-
-
-def _stopped(report: Report) -> bool:
-    return report.mode is not Mode.DRIVE
-
-
-def _standing(report: Report) -> bool:
-    return abs(report.velocity.vx) < _STILL and abs(report.velocity.yaw_rate) < _STILL

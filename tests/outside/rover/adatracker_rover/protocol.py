@@ -21,6 +21,8 @@ from adatracker_deploy.platform import ZERO, Twist
 
 _REQUEST = struct.Struct("<2sBxhh")
 _REPORT = struct.Struct("<2sBBHiihhh")
+_STILL = 0.05
+"""m/s and rad/s: slower is standing."""
 
 
 class Ask(enum.IntEnum):
@@ -66,6 +68,16 @@ class Report:
     pose: Pose
     """From where it was switched on: x forward, y left."""
     velocity: Twist
+
+    @property
+    def braked(self) -> bool:
+        """It follows no command of the host's."""
+        return self.mode is not Mode.DRIVE
+
+    @property
+    def at_rest(self) -> bool:
+        """It is braked and stands."""
+        return self.braked and max(abs(self.velocity.vx), abs(self.velocity.yaw_rate)) < _STILL
 
 
 def quantise(velocity: Twist) -> Twist:

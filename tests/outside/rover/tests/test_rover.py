@@ -61,6 +61,7 @@ def test_a_person_with_the_remote_control_keeps_the_rover():
         rover.take_over()
         drive_until(platform, lambda state: state.stopped)
         assert "remote control" in platform.state().stopped
+        assert platform.state().taken_over
         platform.hold("too late")
         platform.disengage()
         assert rover.mode is Mode.REMOTE
@@ -76,10 +77,12 @@ def test_a_rover_that_stopped_by_itself_waits_for_an_explicit_engage():
         while not platform.state().stopped:
             platform.clock.sleep_until(platform.clock.now_ns() + 20_000_000)
         assert "TIMED_OUT" in platform.state().stopped
+        assert platform.state().taken_over
         with pytest.raises(PlatformError, match="TIMED_OUT"):
             platform.send(ZERO, platform.clock.now_ns())
         platform.engage()
         assert platform.state().engaged
+        assert not platform.state().taken_over
 
 
 @pytest.mark.parametrize(("timeout_s", "message"), [(0.0, "it is off: set"), (3.0, "it is 3 s: set")])
