@@ -1,6 +1,6 @@
 """Between values and CAN frames, in both directions, by a DBC and the profile's roles; no I/O.
 
-The adapter uses `command`, `enable` ... and `parse`; the simulated far end uses `parse_command` and the
+The adapter uses `command`, `enable` ... and `parse`; the simulated far end uses `parse_command` and
 ``*_frames``, from the same description, so neither can disagree with the other about a byte.
 """
 
@@ -13,7 +13,7 @@ from adatracker_deploy.errors import PlatformError, UsageError
 from adatracker_deploy.platform import Limits, Twist
 from adatracker_wheeled.dispatch import Dispatch, Gather, Reader, Told
 from adatracker_wheeled.drive import CREEP_M_S, Drive
-from adatracker_wheeled.layout import Database, Raw
+from adatracker_wheeled.layout import Database, Layout, Raw
 from adatracker_wheeled.part import Part, Quantities
 from adatracker_wheeled.protocol import BaseStatus, CanFrame, Demand, Malformed, Reading
 from adatracker_wheeled.roles import Fixed, Linked, Roles
@@ -81,9 +81,9 @@ class Codec:
         said: Quantities = {}
         frames = []
         for part in self._command:
-            frame, part_said = part.encode(values, count)
-            frames.append(frame)
-            said |= part_said
+            raws = part.write(values, count)
+            frames.append(part.layout.encode(raws))
+            said |= part.read(raws)
         return self._drive.twist(said), tuple(frames)
 
     def enable(self, count: int = 0) -> tuple[CanFrame, ...]:
@@ -103,7 +103,7 @@ class Codec:
         return self._request("release_brake", count)
 
     def _request(self, name: str, count: int) -> tuple[CanFrame, ...]:
-        return tuple(part.encode({}, count)[0] for part in self._requests[name])
+        return tuple(part.layout.encode(part.write({}, count)) for part in self._requests[name])
 
     def check_limits(self, limits: Limits) -> None:
         """Check that every velocity within the profile's limits can be said.
@@ -171,27 +171,48 @@ class Codec:
             dispatch.add_parts(parts, partial(_ask, name))
         return dispatch
 
-    def status_frames(self, status: BaseStatus, count: int = 0) -> tuple[CanFrame, ...]:
-        """Return the frames in which the base says its condition.
+    def status_frames(self, reading: Reading, count: int = 0) -> tuple[CanFrame, ...]:
+        """Return the messages of the state role, in which the base says its condition.
+
+        Args:
+            reading: all that the base has to say, since one message can serve several roles; None is sent as 0.
+            count: how many such messages came before, for bases that count them.
 
         Raises:
             UsageError: the profile names no way to say it.
         """
-        return tuple(state.encode(status, count) for state in self._states)
+        return self._frames([state.layout for state in self._states], reading, count)
 
-    def feedback_frames(self, motion: Twist, count: int = 0) -> tuple[CanFrame, ...]:
-        """Return the frames in which the base tells its measured velocity."""
-        values = self._drive.quantities(motion)
-        return tuple(part.encode(values, count)[0] for part in self._feedback)
+    def feedback_frames(self, reading: Reading, count: int = 0) -> tuple[CanFrame, ...]:
+        """Return the messages of the feedback and odometry roles: measured velocity, and wheels that wrap."""
+        return self._frames([part.layout for part in (*self._feedback, *self._odometry)], reading, count)
 
-    def odometry_frames(self, wheels_m: tuple[float, float], count: int = 0) -> tuple[CanFrame, ...]:
-        """Return the frames in which the base tells how far its wheels have rolled; counters wrap around."""
-        left, right = (_wrapped(rolled, self.wheel_wrap_m) for rolled in wheels_m)
-        return tuple(part.encode({"left_m": left, "right_m": right}, count)[0] for part in self._odometry)
+    def battery_frames(self, reading: Reading, count: int = 0) -> tuple[CanFrame, ...]:
+        """Return the messages of the battery role."""
+        return self._frames([part.layout for part in self._battery], reading, count)
 
-    def battery_frames(self, charge: float, volts: float, count: int = 0) -> tuple[CanFrame, ...]:
-        """Return the frames in which the base tells of its battery: charge 0 to 1, voltage in V."""
-        return tuple(part.encode({"charge": charge, "volts": volts}, count)[0] for part in self._battery)
+    def _frames(self, layouts: list[Layout], reading: Reading, count: int) -> tuple[CanFrame, ...]:
+        values = self._quantities(reading)
+        frames = []
+        for layout in dict.fromkeys(layouts):
+            raws: dict[str, Raw] = {}
+            for part in (*self._feedback, *self._odometry, *self._battery):
+                if part.layout is layout:
+                    raws |= part.write(values, count)
+            for state in self._states:
+                if state.layout is layout and reading.status is not None:
+                    raws |= state.write(reading.status, count)
+            frames.append(layout.encode(raws))
+        return tuple(frames)
+
+    def _quantities(self, reading: Reading) -> Quantities:
+        values = {"charge": reading.battery or 0.0, "volts": reading.volts or 0.0}
+        if reading.motion is not None:
+            values |= self._drive.quantities(reading.motion)
+        if reading.wheels_m is not None:
+            left, right = (_wrapped(rolled, self.wheel_wrap_m) for rolled in reading.wheels_m)
+            values |= {"left_m": left, "right_m": right}
+        return values
 
 
 def _state_reader(gather: Gather[BaseStatus], index: int, state: StatusCodec) -> Reader:

@@ -101,7 +101,7 @@ class Layout:
         """Return every signal of a frame with this message's id.
 
         Raises:
-            Malformed: a wrong length, a wrong checksum, or a signal in use that is not finite or out of range.
+            Malformed: a wrong length, a wrong checksum, or a signal in use that is NaN or out of its range.
         """
         if len(frame.data) != self.length:
             raise Malformed(f"{self.name}: {len(frame.data)} bytes instead of {self.length}")

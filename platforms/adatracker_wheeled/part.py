@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 from adatracker_deploy.errors import UsageError
 from adatracker_wheeled.layout import Layout, Raw, Signal
-from adatracker_wheeled.protocol import CanFrame
 from adatracker_wheeled.roles import WHEEL_ANGLES, Fixed, Linked, Scaled, Wheels, at_rim
 
 Quantities = dict[str, float]
@@ -68,14 +67,13 @@ class Part:
             counter=layout.signal(described.counter) if described.counter else None,
         )
 
-    def encode(self, values: Quantities, count: int = 0) -> tuple[CanFrame, Quantities]:
-        """Return the frame, and what it says after clipping and rounding; what `values` lacks is zero."""
+    def write(self, values: Quantities, count: int) -> dict[str, Raw]:
+        """Return the signals that say `values`, clipped and rounded; what `values` lacks is zero."""
         raws = {link.signal.name: link.to_raw(values.get(link.quantity, 0.0)) for link in self.links}
-        said = {link.quantity: link.to_quantity(raws[link.signal.name]) for link in self.links}
         raws |= self.constants
         if self.counter is not None:
             raws[self.counter.name] = count % (int(self.counter.high) + 1)
-        return self.layout.encode(raws), said
+        return raws
 
     def matches(self, raws: dict[str, Raw]) -> bool:
         """Tell whether a frame has this part's meaning: its constants stand in it."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from adatracker_deploy.errors import UsageError
 from adatracker_wheeled.layout import Layout, Raw, Signal
-from adatracker_wheeled.protocol import BaseStatus, CanFrame, Mode
+from adatracker_wheeled.protocol import BaseStatus, Mode
 from adatracker_wheeled.roles import State
 
 _NAMES: dict[Mode, str] = {"ours": "commanded", "standby": "standby", "remote": "remote control"}
@@ -68,8 +68,8 @@ class StatusCodec:
             self._faults.get(bit, f"error bit {bit}") for bit in range(bits.bit_length()) if bits >> bit & 1
         ]
 
-    def encode(self, status: BaseStatus, count: int) -> CanFrame:
-        """Return the frame in which a base would say `status`.
+    def write(self, status: BaseStatus, count: int) -> dict[str, Raw]:
+        """Return the signals with which a base would say `status`.
 
         Raises:
             UsageError: the profile names no way to say it.
@@ -85,7 +85,7 @@ class StatusCodec:
             raws[self._volts.name] = self._volts.to_raw(status.volts)
         if self._count:
             raws[self._count.name] = count % (int(self._count.high) + 1)
-        return self.layout.encode(raws)
+        return raws
 
     def _raw_mode(self, mode: Mode) -> Raw:
         if mode == "unknown":
