@@ -15,10 +15,9 @@ from typing import Any
 import numpy as np
 from rosbags.typesys import get_types_from_msg
 
-from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.platform import Twist
 from adatracker_quadruped import protocol
-from adatracker_quadruped.messages import FASTEST
+from adatracker_quadruped.parts import FASTEST, refuse_unwalkable
 from adatracker_quadruped.protocol import Malformed
 
 REQUEST = "unitree_api/msg/Request"
@@ -55,9 +54,8 @@ def encode_move(twist: Twist, request_id: int) -> bytes:
     Raises:
         PlatformError: a component is NaN, infinite or beyond `FASTEST`.
     """
+    refuse_unwalkable(twist)
     walk = {"x": twist.vx, "y": twist.vy, "z": twist.yaw_rate}
-    if not all(abs(value) <= FASTEST for value in walk.values()):
-        raise PlatformError(f"refused to send {twist}: not a velocity that a quadruped can walk")
     return _encode(MOVE, json.dumps(walk), request_id)
 
 

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.geometry import Pose
 from adatracker_deploy.platform import Twist
-from adatracker_quadruped import messages
+from adatracker_quadruped import messages, parts
 from adatracker_quadruped.messages import CompressedImage, Imu, Malformed, Odometry
 from tests.quadruped import cdr
 
-speeds = st.floats(-messages.FASTEST, messages.FASTEST)
+speeds = st.floats(-parts.FASTEST, parts.FASTEST)
 twists = st.builds(Twist, speeds, speeds, speeds, speeds)
 stamps = st.integers(0, 2**31 * 10**9 - 1)
 names = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=20)
@@ -87,7 +87,7 @@ def test_a_stamped_twist_is_a_header_and_a_twist_whatever_pads_it(twist, stamp_n
 
 
 @pytest.mark.parametrize("axis", ["vx", "vy", "vz", "yaw_rate"])
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, messages.FASTEST * 1.01, 1e308])
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, parts.FASTEST * 1.01, 1e308])
 def test_what_is_no_velocity_never_becomes_bytes(axis, value):
     twist = Twist(**{axis: value})
     for encode in (messages.encode_twist, lambda bad: messages.encode_twist_stamped(bad, 0, "base_link")):

@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 
 from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.platform import Twist
-from adatracker_quadruped import messages, sport
+from adatracker_quadruped import parts, sport
 from adatracker_quadruped.messages import Malformed
 from tests.quadruped import cdr
 
 LAYOUT = cdr.LAYOUTS["Request"]
-speeds = st.floats(-messages.FASTEST, messages.FASTEST)
+speeds = st.floats(-parts.FASTEST, parts.FASTEST)
 ids = st.integers(-(2**63), 2**63 - 1)
 
 

@@ -1,0 +1,100 @@
+"""What ROS 2 messages are made of: stamps, vectors, velocities and attitudes, each written and read once.
+
+Readers raise `Malformed`: no value that is not finite, no quaternion that is not of unit length and no time
+before 1970 gets past them.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import astuple
+from typing import Any
+
+from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.platform import Twist
+from adatracker_quadruped.protocol import STORE, TWIST, Malformed
+
+Triple = tuple[float, float, float]
+
+FASTEST = 100.0
+"""m/s and rad/s; nothing above this is a command or a measurement of a walking robot."""
+_UNIT_TOLERANCE = 10e-3
+"""Of a quaternion's squared length: what tf2 accepts (QUATERNION_NORMALIZATION_TOLERANCE)."""
+
+
+def write_header(stamp_ns: int, frame_id: str) -> Any:
+    """Return std_msgs/Header; `stamp_ns` is since 1970 and, in ROS 2's 32-bit seconds, before 2038."""
+    time = STORE.types["builtin_interfaces/msg/Time"](sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)
+    return STORE.types["std_msgs/msg/Header"](stamp=time, frame_id=frame_id)
+
+
+def read_stamp_ns(header: Any) -> int:
+    """Return the stamp of a std_msgs/Header, ns since 1970."""
+    sec, nanosec = header.stamp.sec, header.stamp.nanosec
+    if sec < 0 or nanosec >= 10**9:
+        raise Malformed(f"no time has {sec} s and {nanosec} ns")
+    return int(sec * 10**9 + nanosec)
+
+
+def write_vector(xyz: Triple) -> Any:
+    """Return geometry_msgs/Vector3."""
+    x, y, z = xyz
+    return STORE.types["geometry_msgs/msg/Vector3"](x=x, y=y, z=z)
+
+
+def read_vector(message: Any, largest: float) -> Triple:
+    """Return the x, y and z of a geometry_msgs/Vector3 or Point, each of this magnitude at most."""
+    xyz = (message.x, message.y, message.z)
+    if not all(abs(value) <= largest for value in xyz):  # false for NaN too
+        raise Malformed(f"{xyz} has a component that is no number up to {largest:g}")
+    return xyz
+
+
+def refuse_unwalkable(twist: Twist) -> None:
+    """Raise PlatformError if a component is NaN, infinite or beyond `FASTEST`: it must not become bytes."""
+    if not all(abs(value) <= FASTEST for value in astuple(twist)):
+        raise PlatformError(f"refused to send {twist}: not a velocity that a quadruped can walk")
+
+
+def write_twist(twist: Twist) -> Any:
+    """Return geometry_msgs/Twist.
+
+    Raises:
+        PlatformError: as `refuse_unwalkable`.
+    """
+    refuse_unwalkable(twist)
+    linear = write_vector((twist.vx, twist.vy, twist.vz))
+    return STORE.types[TWIST](linear=linear, angular=write_vector((0.0, 0.0, twist.yaw_rate)))
+
+
+def read_twist(message: Any) -> Twist:
+    """Return the velocity in a geometry_msgs/Twist; roll and pitch rates are checked and left out."""
+    vx, vy, vz = read_vector(message.linear, FASTEST)
+    _, _, yaw_rate = read_vector(message.angular, FASTEST)
+    return Twist(vx, vy, vz, yaw_rate)
+
+
+def write_attitude(roll_pitch_yaw: Triple) -> Any:
+    """Return the geometry_msgs/Quaternion of Rz(yaw) Ry(pitch) Rx(roll), which is what `Pose` means."""
+    roll, pitch, yaw = roll_pitch_yaw
+    cr, sr = math.cos(roll / 2), math.sin(roll / 2)
+    cp, sp = math.cos(pitch / 2), math.sin(pitch / 2)
+    cy, sy = math.cos(yaw / 2), math.sin(yaw / 2)
+    return STORE.types["geometry_msgs/msg/Quaternion"](
+        x=sr * cp * cy - cr * sp * sy,
+        y=cr * sp * cy + sr * cp * sy,
+        z=cr * cp * sy - sr * sp * cy,
+        w=cr * cp * cy + sr * sp * sy,
+    )
+
+
+def read_attitude(quaternion: Any) -> Triple:
+    """Return roll, pitch and yaw of a geometry_msgs/Quaternion, rad, as `Pose` means them."""
+    x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
+    square = x * x + y * y + z * z + w * w
+    if not abs(square - 1.0) < _UNIT_TOLERANCE:  # false for NaN too
+        raise Malformed(f"quaternion ({x:g}, {y:g}, {z:g}, {w:g}) is not of unit length")
+    roll = math.atan2(2 * (w * x + y * z), w * w - x * x - y * y + z * z)
+    pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x) / square)))
+    yaw = math.atan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z)
+    return roll, pitch, yaw
