@@ -6,6 +6,7 @@ the robot's own wire; what else there is stands in `sources`.
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
@@ -15,6 +16,8 @@ WORLD = "world://"
 ROBOT = "robot://"
 OPEN_TIMEOUT_S = 5.0
 """Machine time within which an opened camera must have given its first frame."""
+LARGEST_SIDE = 8192
+"""Of any picture, px; larger ones are refused before they are decoded."""
 
 
 class Camera(Protocol):
@@ -47,3 +50,18 @@ class Camera(Protocol):
 def scene_of(uri: str) -> str | None:
     """Return the scene's name in ``world://SCENE``, or None for any other URI."""
     return uri.removeprefix(WORLD) if uri.startswith(WORLD) else None
+
+
+def without_password(uri: str) -> str:
+    """Return a camera's address as it may be shown: without the user and the password that it may hold."""
+    return re.sub(r"://[^/?#]*@", "://", uri)
+
+
+def check_size(width: int, height: int) -> None:
+    """See that a picture of this size, px, may be decoded.
+
+    Raises:
+        ValueError: a side is 0 or longer than `LARGEST_SIDE`.
+    """
+    if not (0 < width <= LARGEST_SIDE and 0 < height <= LARGEST_SIDE):
+        raise ValueError(f"pictures of {width}x{height} px: expected sides of 1 to {LARGEST_SIDE}")

@@ -8,8 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-LARGEST_SIDE = 8192
-"""Of any camera's picture, px."""
+from adatracker_deploy.perception.camera import check_size
 
 _START, _END = b"\xff\xd8", b"\xff\xd9"
 _START_OF_SCAN = 0xDA
@@ -45,11 +44,9 @@ def decode_jpeg(data: bytes) -> NDArray[np.uint8]:
     """Return the picture as RGB of shape (H, W, 3).
 
     Raises:
-        ValueError: this is no whole JPEG, or a side is 0 or longer than `LARGEST_SIDE`.
+        ValueError: this is no whole JPEG, or not of a size that `check_size` lets through.
     """
-    width, height = jpeg_size(data)
-    if not (0 < width <= LARGEST_SIDE and 0 < height <= LARGEST_SIDE):
-        raise ValueError(f"a picture of {width}x{height} px: expected sides of 1 to {LARGEST_SIDE}")
+    check_size(*jpeg_size(data))
     # A part that was cut short would decode to a picture with a grey end. Some encoders pad behind the end.
     if _END not in data[-64:]:
         raise ValueError("not a whole JPEG: its end is missing")

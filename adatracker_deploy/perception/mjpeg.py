@@ -1,4 +1,4 @@
-"""Cameras that send JPEGs over HTTP: IP cameras, mjpg-streamer, ROS web_video_server, a rehearsal's far end."""
+"""Cameras that send JPEGs over HTTP: IP cameras, mjpg-streamer, ROS web_video_server, rehearsals."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import unquote, urlsplit
 
 from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.perception.camera import OPEN_TIMEOUT_S
+from adatracker_deploy.perception.camera import OPEN_TIMEOUT_S, without_password
 from adatracker_deploy.perception.jpeg import decode_jpeg
 from adatracker_deploy.perception.live import LiveCamera, Picture
 from adatracker_deploy.perception.multipart import MultipartParser, Part
@@ -37,8 +37,8 @@ class MjpegCamera(LiveCamera):
     """
 
     def __init__(self, url: str, clock: Clock) -> None:
+        super().__init__(without_password(url), clock)
         self._url = urlsplit(url)
-        super().__init__(self._url._replace(netloc=self._url.netloc.rpartition("@")[2]).geturl(), clock)
         self._socket: socket.socket | None = None
         self.dropped = 0
         """Parts of the stream that were no whole picture."""
@@ -49,7 +49,7 @@ class MjpegCamera(LiveCamera):
         Raises:
             PlatformError: the rehearsal does not answer.
         """
-        if self._newest is None or self._newest.truth is None:
+        if not self._frames or self._frames[0].truth is None:
             return
         try:
             with contextlib.closing(self._connection(_GO_TIMEOUT_S)) as connection:

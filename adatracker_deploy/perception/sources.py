@@ -2,28 +2,49 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
 from typing import TYPE_CHECKING
+from urllib.parse import SplitResult, urlsplit
 
 from adatracker_deploy.errors import UsageError
-from adatracker_deploy.perception.camera import ROBOT, WORLD
+from adatracker_deploy.perception.camera import ROBOT, WORLD, without_password
+from adatracker_deploy.perception.capture import has_gstreamer
+from adatracker_deploy.perception.file import FileCamera
 from adatracker_deploy.perception.mjpeg import MjpegCamera
+from adatracker_deploy.perception.video import DEVICE, GSTREAMER, VideoCamera
 
 if TYPE_CHECKING:
     from adatracker_deploy.perception.camera import Camera
     from adatracker_deploy.runtime.clock import Clock
 
+KNOWN = (
+    "a device (0, /dev/video0), a video file, http(s)://HOST/PATH (MJPEG), rtsp(s)://HOST/PATH, "
+    f"udp://HOST:PORT, tcp://HOST:PORT, {GSTREAMER}PIPELINE, {WORLD}SCENE or {ROBOT}TOPIC"
+)
+"""What a URI may be."""
 
-_HTTP = ("http://", "https://")
+_MJPEG_SCHEMES = ("http", "https")
+_STREAM_SCHEMES = ("rtsp", "rtsps", "udp", "tcp")
+_PORT_NEEDED = ("udp", "tcp")
+_SCHEME = re.compile(r"([a-zA-Z][a-zA-Z0-9+.-]*)://")
 
 
 def check_uri(uri: str) -> None:
-    """Tell now, before anything starts, whether a camera URI can mean anything.
+    """Tell now, before anything starts, whether a camera URI can mean anything; opens nothing.
 
     Raises:
         UsageError: it cannot.
     """
-    if not uri.startswith((ROBOT, WORLD, *_HTTP)) or uri in (ROBOT, WORLD, *_HTTP):
-        raise UsageError(f"camera {uri!r}: expected {WORLD}SCENE, {ROBOT}TOPIC or http://HOST:PORT/PATH")
+    if uri.startswith((ROBOT, WORLD)):
+        if uri in (ROBOT, WORLD):
+            raise UsageError(f"camera {uri!r}: expected {WORLD}SCENE or {ROBOT}TOPIC")
+    elif uri.startswith(GSTREAMER):
+        _check_pipeline(uri)
+    elif scheme := _SCHEME.match(uri):
+        _check_address(uri, scheme[1].lower())
+    else:
+        _check_path(uri)
 
 
 def open_source(uri: str, clock: Clock) -> Camera:
@@ -33,6 +54,66 @@ def open_source(uri: str, clock: Clock) -> Camera:
         UsageError: no camera is reached that way.
     """
     check_uri(uri)
-    if uri.startswith(_HTTP):
+    if uri.startswith((ROBOT, WORLD)):
+        raise UsageError(f"camera {uri!r}: only a run with its robot has this one; expected {KNOWN}")
+    scheme = _SCHEME.match(uri)
+    if scheme is not None and scheme[1].lower() in _MJPEG_SCHEMES:
         return MjpegCamera(uri, clock)
-    raise UsageError(f"camera {uri!r}: cannot be opened here")
+    if scheme is not None or uri.startswith((GSTREAMER, DEVICE)):
+        return VideoCamera(uri, clock)
+    if uri.isdecimal():
+        return VideoCamera(_device(uri), clock)
+    return FileCamera(Path(uri))
+
+
+def _check_pipeline(uri: str) -> None:
+    if not has_gstreamer():
+        raise UsageError(
+            f"camera {uri!r}: this build of OpenCV has no GStreamer, as the one from PyPI has not: install "
+            "one that has (a Jetson's own, Debian's python3-opencv), or let the pipeline serve RTSP or MJPEG"
+        )
+    if "appsink" not in uri:
+        raise UsageError(f"camera {uri!r}: the pipeline must end in '! videoconvert ! appsink'")
+
+
+def _check_address(uri: str, scheme: str) -> None:
+    shown = without_password(uri)
+    if scheme not in (*_MJPEG_SCHEMES, *_STREAM_SCHEMES):
+        raise UsageError(f"camera {shown!r}: unknown scheme {scheme}://; expected {KNOWN}")
+    if not uri.isascii() or not uri.isprintable() or " " in uri:
+        raise UsageError(
+            f"camera {shown!r}: an address has no spaces or special characters; write them as %XX"
+        )
+    url = _split(uri, shown)
+    if not url.hostname:
+        raise UsageError(f"camera {shown!r}: names no host; expected {scheme}://HOST:PORT/PATH")
+    if scheme in _PORT_NEEDED and url.port is None:
+        raise UsageError(f"camera {shown!r}: names no port; expected {scheme}://HOST:PORT")
+
+
+def _split(uri: str, shown: str) -> SplitResult:
+    try:
+        url = urlsplit(uri)
+        if url.port == 0:
+            raise ValueError("0 is not a port (1 to 65535)")
+    except ValueError as error:
+        raise UsageError(f"camera {shown!r}: {error}") from error
+    return url
+
+
+def _device(number: str) -> str:
+    return f"{DEVICE}video{int(number)}"
+
+
+def _check_path(uri: str) -> None:
+    path = Path(_device(uri)) if uri.isdecimal() else Path(uri)
+    if not uri:
+        raise UsageError(f"camera '': expected {KNOWN}")
+    if path.is_relative_to(DEVICE):
+        if not path.is_char_device():
+            found = ", ".join(sorted(map(str, Path(DEVICE).glob("video*")))) or "none"
+            raise UsageError(f"camera {uri!r}: there is no device {path}; cameras here: {found}")
+    elif not path.exists():
+        raise UsageError(f"camera {uri!r}: no such file; expected {KNOWN}")
+    elif not path.is_file():
+        raise UsageError(f"camera {uri!r}: is not a video file")

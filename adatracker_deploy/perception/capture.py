@@ -1,0 +1,77 @@
+"""The one door to OpenCV's video input; it is kept from writing to stderr, errors here say it instead."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from adatracker_deploy.perception.camera import check_size
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+_FFMPEG_QUIET = "-8"
+"""AV_LOG_QUIET. OpenCV reads it from the environment when it first uses FFmpeg."""
+
+
+def has_gstreamer() -> bool:
+    """Tell whether this build of OpenCV can run GStreamer pipelines; the one from PyPI cannot."""
+    return bool(cv2.videoio_registry.hasBackend(cv2.CAP_GSTREAMER))
+
+
+class Capture:
+    """An open video, read frame by frame.
+
+    Args:
+        target: a path, an address or a pipeline.
+        backend: one of OpenCV's ``CAP_`` backends.
+        settings: pairs of ``CAP_PROP_`` and value that hold from the start.
+
+    Raises:
+        ValueError: it cannot be opened, or its pictures are of a size that may not be decoded.
+    """
+
+    def __init__(self, target: str, backend: int = cv2.CAP_ANY, settings: Sequence[int] = ()) -> None:
+        os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", _FFMPEG_QUIET)
+        cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+        self._capture = cv2.VideoCapture(target, backend, list(settings))
+        if not self._capture.isOpened():
+            raise ValueError("cannot be opened as a video")
+        try:
+            check_size(int(self._get(cv2.CAP_PROP_FRAME_WIDTH)), int(self._get(cv2.CAP_PROP_FRAME_HEIGHT)))
+        except ValueError:
+            self.close()
+            raise
+
+    @property
+    def rate_hz(self) -> float:
+        """Frames per second as the video states them: 0 or anything else where it does not know."""
+        return self._get(cv2.CAP_PROP_FPS)
+
+    def grab(self) -> bool:
+        """Go on to the next frame; False when there is none, for whatever reason."""
+        return bool(self._capture.grab())
+
+    def rgb(self) -> NDArray[np.uint8]:
+        """Return the frame gone on to, shape (H, W, 3).
+
+        Raises:
+            ValueError: it cannot be decoded, or its size may not be.
+        """
+        decoded, bgr = self._capture.retrieve()
+        if not decoded or bgr is None or bgr.ndim != 3 or bgr.shape[2] != 3:
+            raise ValueError("a frame cannot be decoded to colours")
+        check_size(bgr.shape[1], bgr.shape[0])
+        return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)
+
+    def close(self) -> None:
+        """Let go of the device or file."""
+        self._capture.release()
+
+    def _get(self, what: int) -> float:
+        return float(self._capture.get(what))

@@ -1,0 +1,76 @@
+"""Live video: a camera device, a network stream or a GStreamer pipeline."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+import cv2
+
+from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.perception.camera import OPEN_TIMEOUT_S, without_password
+from adatracker_deploy.perception.capture import Capture
+from adatracker_deploy.perception.live import LiveCamera, Picture
+from adatracker_deploy.perception.watch import SILENT_AFTER_S
+
+if TYPE_CHECKING:
+    from collections.abc import Generator
+
+    from adatracker_deploy.runtime.clock import Clock
+
+GSTREAMER = "gst:"
+DEVICE = "/dev/"
+_RTSP_PORTS = {"rtsp": 554, "rtsps": 322}
+"""RFC 7826, section 4.2, and the registry it refers to."""
+_REACH_TIMEOUT_S = 1.5
+_STREAM_SETTINGS = (
+    *(cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, round((OPEN_TIMEOUT_S - _REACH_TIMEOUT_S) * 1e3) - 500),
+    *(cv2.CAP_PROP_READ_TIMEOUT_MSEC, round(SILENT_AFTER_S * 1e3)),
+)
+"""OpenCV gives up a little before whoever waits for it does."""
+
+
+class VideoCamera(LiveCamera):
+    """A device (``/dev/video0``), ``rtsp://``, ``rtsps://``, ``udp://``, ``tcp://`` or ``gst:PIPELINE``.
+
+    A frame's time is the run's clock when OpenCV had it.
+    """
+
+    def __init__(self, uri: str, clock: Clock) -> None:
+        super().__init__(without_password(uri), clock)
+        self._uri = uri
+
+    def _pictures(self) -> Generator[Picture, None, None]:
+        try:
+            self._reach()
+            with contextlib.closing(self._capture()) as capture:
+                while capture.grab():
+                    t_ns = self.clock.now_ns()
+                    yield Picture(capture.rgb(), t_ns)
+        except OSError as error:
+            raise PlatformError(f"camera {self.name}: {error.strerror or error}") from error
+        except ValueError as error:
+            raise PlatformError(f"camera {self.name}: {error}") from error
+
+    def _interrupt(self) -> None:
+        """Do nothing: OpenCV cannot be interrupted; the reader ends with its next picture or time-out."""
+
+    def _reach(self) -> None:
+        """Knock at a stream's door first: OpenCV does not say why it could not open one.
+
+        Raises:
+            OSError: nobody is there.
+        """
+        url = urlsplit(self._uri)
+        if url.scheme in _RTSP_PORTS:
+            address = (url.hostname or "", url.port or _RTSP_PORTS[url.scheme])
+            socket.create_connection(address, _REACH_TIMEOUT_S).close()
+
+    def _capture(self) -> Capture:
+        if self._uri.startswith(GSTREAMER):
+            return Capture(self._uri.removeprefix(GSTREAMER), cv2.CAP_GSTREAMER)
+        if self._uri.startswith(DEVICE):
+            return Capture(self._uri, cv2.CAP_V4L2)
+        return Capture(self._uri, cv2.CAP_FFMPEG, _STREAM_SETTINGS)

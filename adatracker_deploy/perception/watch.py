@@ -1,0 +1,72 @@
+"""Is the camera alive? A pure judge of its frames; time is passed in.
+
+A camera that hangs looks exactly like a scene in which nothing moves, and a policy that sees the past steers
+by it. So silence, a picture that repeats to the last bit and a size that changes each end the camera.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from adatracker_deploy.errors import PlatformError
+
+if TYPE_CHECKING:
+    from adatracker_deploy.messages import Frame
+
+SILENT_AFTER_S = 2.0
+"""Machine time without a frame after which a camera counts as gone, s."""
+FROZEN_AFTER_S = 2.0
+"""Machine time of one and the same picture after which it does: a real sensor's noise never repeats, s."""
+
+
+class FrameWatch:
+    """Watches the frames of one camera.
+
+    Args:
+        name: how errors name the camera.
+        speed: seconds of the frames' clock per second of the machine's.
+    """
+
+    def __init__(self, name: str, speed: float = 1.0) -> None:
+        self._name = name
+        self._speed = speed
+        self._last: Frame | None = None
+        self._unchanged_s = 0.0
+        """Machine time for which the newest frame's picture has been the same."""
+
+    def accept(self, frame: Frame) -> None:
+        """Take note of the next frame.
+
+        Raises:
+            PlatformError: its size is another than the last one's.
+        """
+        last, self._last = self._last, frame
+        if last is None:
+            return
+        if last.rgb.shape != frame.rgb.shape:
+            was, now = (f"{rgb.shape[1]}x{rgb.shape[0]}" for rgb in (last.rgb, frame.rgb))
+            raise PlatformError(f"camera {self._name}: the picture's size changed from {was} to {now} px")
+        # Before its people may go, a rehearsal stands still.
+        if frame.truth is None and np.array_equal(last.rgb, frame.rgb):
+            self._unchanged_s += (frame.t_ns - last.t_ns) / 1e9 / self._speed
+        else:
+            self._unchanged_s = 0.0
+
+    def refuse_dead(self, now_ns: int) -> None:
+        """See that frames come, and that they change; there is nothing to see before the first.
+
+        Raises:
+            PlatformError: the camera is silent or frozen.
+        """
+        if self._last is None:
+            return
+        silent_s = (now_ns - self._last.t_ns) / 1e9 / self._speed
+        if silent_s > SILENT_AFTER_S:
+            raise PlatformError(f"camera {self._name}: no picture has come for {silent_s:.1f} s")
+        if self._unchanged_s > FROZEN_AFTER_S:
+            raise PlatformError(
+                f"camera {self._name}: has given the very same picture for {self._unchanged_s:.1f} s: "
+                "it hangs or is covered"
+            )
