@@ -1,66 +1,27 @@
 """The Zenoh session against real routers and peers on this machine."""
 
+import contextlib
 import json
 import signal
 import socket
 import subprocess
 import sys
-import threading
 import time
-from contextlib import contextmanager
 from dataclasses import replace
 
 import pytest
 import zenoh
 
-from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.errors import PlatformError
 from adatracker_quadruped import protocol
-from adatracker_quadruped.connection import Connection, Tls
+from adatracker_quadruped.connection import Connection
 from adatracker_quadruped.session import open_session, zenoh_config
-
-
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
-
-
-def until(condition, timeout_s=5.0):
-    """Return the seconds until the condition held."""
-    started, never = time.monotonic(), threading.Event()
-    while not condition():
-        assert time.monotonic() - started < timeout_s, "waited in vain"
-        never.wait(0.002)
-    return time.monotonic() - started
+from tests.quadruped.routers import arrives, free_port, latest, publisher_of, robot, until
 
 
 @pytest.fixture
 def connection():
     return Connection(endpoint=f"tcp/127.0.0.1:{free_port()}")
-
-
-@contextmanager
-def robot(connection, mode="router"):
-    with zenoh.open(zenoh_config(connection, mode=mode)) as session:
-        yield session
-
-
-def latest(session, key):
-    return session.declare_subscriber(key, zenoh.handlers.RingChannel(1))
-
-
-def publisher_of(session, key):
-    """Return a publisher that drops nothing."""
-    return session.declare_publisher(key, congestion_control=zenoh.CongestionControl.BLOCK)
-
-
-def arrives(publisher, subscriber, payload):
-    """Publish once the subscriber is known; return what it gets."""
-    until(lambda: publisher.matching_status.matching)
-    publisher.put(payload)
-    got = []
-    until(lambda: got.append(subscriber.try_recv()) or got[-1] is not None)
-    return got[-1].payload.to_bytes()
 
 
 def test_a_session_looks_for_nobody_and_listens_nowhere(connection):
@@ -137,27 +98,16 @@ def test_the_robot_sees_the_hosts_token_come_and_go(connection):
 
 
 def test_a_router_that_comes_back_is_found_again_within_a_second(connection):
-    with open_after_start(connection) as (host, first):
-        publisher = publisher_of(host, "cmd_vel")
-        heard = latest(first, "cmd_vel")
-        until(lambda: publisher.matching_status.matching)
-        del heard
-        first.close()
+    with contextlib.ExitStack() as stack:
+        with robot(connection) as first:
+            host = stack.enter_context(open_session(connection))
+            publisher = publisher_of(host, "cmd_vel")
+            assert arrives(publisher, latest(first, "cmd_vel"), b"walk") == b"walk"
         until(lambda: not publisher.matching_status.matching)
         with robot(connection) as second:
             commands = latest(second, "cmd_vel")
             assert until(lambda: publisher.matching_status.matching) < 1.0
             assert arrives(publisher, commands, b"walk") == b"walk"
-
-
-@contextmanager
-def open_after_start(connection):
-    first = zenoh.open(zenoh_config(connection, mode="router"))
-    try:
-        with open_session(connection) as host:
-            yield host, first
-    finally:
-        first.close()
 
 
 def test_nobody_can_make_a_session_hold_more_than_the_largest_image(connection):
@@ -191,7 +141,7 @@ raise RuntimeError("nobody closed the session")
 """
 
 
-@contextmanager
+@contextlib.contextmanager
 def program(text, connection):
     command = [sys.executable, "-c", text, connection.endpoint]
     process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
@@ -220,6 +170,9 @@ def test_a_robot_that_dies_is_missed_at_once_and_one_that_freezes_after_the_leas
             gone = []
             until(lambda: gone.append(tokens.try_recv()) or gone[-1] is not None, within_s)
             assert gone[-1].kind == zenoh.SampleKind.DELETE
+            if fault == signal.SIGSTOP:
+                process.send_signal(signal.SIGCONT)
+                assert until(lambda: publisher.matching_status.matching) < 1.0
 
 
 def test_a_program_that_never_closed_its_session_still_ends(connection):
@@ -227,81 +180,3 @@ def test_a_program_that_never_closed_its_session_still_ends(connection):
         _, complaint = process.communicate(timeout=20)
         assert process.returncode == 1
         assert b"nobody closed the session" in complaint
-
-
-def openssl(*arguments, cwd):
-    subprocess.run(["openssl", *arguments], cwd=cwd, check=True, capture_output=True)
-
-
-def issue(name, folder, authority=None):
-    """Make a key and a certificate for 127.0.0.1, signed by an authority or by itself."""
-    key = ["-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes", "-days", "2"]
-    signed = ["-CA", f"{authority}.pem", "-CAkey", f"{authority}.key"] if authority else []
-    kind = "basicConstraints=critical,CA:FALSE" if authority else "basicConstraints=critical,CA:TRUE"
-    openssl(
-        *(
-            "req",
-            "-x509",
-            *key,
-            *signed,
-            "-subj",
-            f"/CN={name}",
-            "-keyout",
-            f"{name}.key",
-            "-out",
-            f"{name}.pem",
-        ),
-        *("-addext", "subjectAltName=IP:127.0.0.1", "-addext", kind),
-        cwd=folder,
-    )
-
-
-@pytest.fixture(scope="module")
-def certificates(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("tls")
-    issue("authority", folder)
-    issue("stranger", folder)
-    issue("robot", folder, "authority")
-    issue("host", folder, "authority")
-    issue("intruder", folder, "stranger")
-
-    def tls(name="", authority="authority"):
-        pair = (f"{folder}/{name}.pem", f"{folder}/{name}.key") if name else ("", "")
-        return Tls(root_ca=f"{folder}/{authority}.pem", certificate=pair[0], private_key=pair[1])
-
-    return tls
-
-
-@pytest.fixture
-def guarded(certificates):
-    """Return the connection of a robot that asks for a certificate."""
-    return Connection(
-        endpoint=f"tls/127.0.0.1:{free_port()}", tls=certificates("robot"), connect_timeout_s=0.5
-    )
-
-
-def test_a_host_with_a_certificate_gets_through_to_a_robot_that_asks_for_one(guarded, certificates):
-    with robot(guarded) as far, open_session(replace(guarded, tls=certificates("host"))) as host:
-        assert arrives(publisher_of(host, "cmd_vel"), latest(far, "cmd_vel"), b"walk") == b"walk"
-
-
-@pytest.mark.parametrize(
-    ("name", "authority"),
-    [("", "authority"), ("intruder", "authority"), ("host", "stranger")],
-    ids=["no certificate", "a stranger's certificate", "a robot nobody vouches for"],
-)
-def test_without_trust_on_both_sides_there_is_no_session(guarded, certificates, name, authority):
-    with robot(guarded), pytest.raises(PlatformError, match=r"connection\.tls fits its certificate"):
-        open_session(replace(guarded, tls=certificates(name, authority)))
-
-
-def test_a_host_in_the_clear_reaches_no_encrypted_robot(guarded):
-    plain = replace(guarded, endpoint=guarded.endpoint.replace("tls/", "tcp/"), tls=None)
-    with robot(guarded), pytest.raises(PlatformError, match="no Zenoh router"):
-        open_session(plain)
-
-
-def test_a_missing_certificate_file_is_named(connection):
-    lost = Connection(endpoint="tls/127.0.0.1:7447", tls=Tls(root_ca="nowhere/ca.pem"))
-    with pytest.raises(UsageError, match=r"no such file: nowhere/ca\.pem"):
-        open_session(lost)
