@@ -11,7 +11,7 @@ from adatracker_deploy.schema import Range
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GaitSettings:
-    """A trot, seen by the camera: diagonal legs step together, so the trunk bobs twice a cycle and sways once.
+    """A trot as the camera feels it: in a cycle the trunk bobs and pitches twice and rolls once.
 
     Two cycles a second is the trot of the Go2's published controllers (a cycle time of 0.5 s). The amplitudes
     are this project's assumption: no figures of the trunk's motion are published; these are what a stride of

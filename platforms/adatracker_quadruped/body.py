@@ -1,0 +1,130 @@
+"""The quadruped's dynamics: velocities that lag behind their commands, feet that slip, a trunk that trots."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from adatracker_deploy.geometry import Pose, wrap_angle
+from adatracker_deploy.platform import ZERO, Twist
+from adatracker_deploy.world.bodies import GroundBody
+from adatracker_quadruped.gait import Gait
+
+if TYPE_CHECKING:
+    from adatracker_quadruped.settings import SitlSettings
+
+_STEP_S = 0.01
+"""Longest step of the integration: a trot has fifty of them to a cycle."""
+_STANDING_M_S = 0.02
+"""And rad/s: slower than this, without a command, the robot puts all feet down and stands."""
+
+
+class QuadrupedBody(GroundBody):
+    """A walking robot on the ground: forward, lateral and turning velocities follow by a first-order lag.
+
+    A vertical command is ignored; one that is not finite stands for zero. The gait moves the camera, not the
+    body's origin, which stays on the ground.
+    """
+
+    def __init__(self, settings: SitlSettings) -> None:
+        """Stand at the origin."""
+        self.settings = settings
+        self.reset(Pose(), 0)
+
+    def reset(self, pose: Pose, seed: int) -> None:
+        """Stand still at `pose`; slip and uneven ground are drawn from `seed`."""
+        self._random = np.random.default_rng(seed)
+        self._gait = Gait(self.settings.gait, self._random)
+        self._mean_slip = self.settings.slip * self._random.uniform(0.0, 2.0)
+        self._slip = self._mean_slip
+        self._pose = pose
+        self._legs = self._command = ZERO
+        self._now_s = 0.0
+        self._pending: deque[tuple[float, Twist]] = deque()
+
+    def step(self, command: Twist, dt_s: float) -> None:
+        """Advance by `dt_s` seconds under a velocity command in the body frame."""
+        self._pending.append((self._now_s + self.settings.delay_s, self._clip(command)))
+        steps = max(1, math.ceil(dt_s / _STEP_S - 1e-9))
+        for _ in range(steps):
+            self._advance(dt_s / steps)
+
+    def place(self, pose: Pose) -> None:
+        """Be at `pose`, at the same speed."""
+        self._pose = pose
+
+    @property
+    def pose(self) -> Pose:
+        """The point on the ground below the middle of the trunk."""
+        return self._pose
+
+    @property
+    def trunk(self) -> Pose:
+        """The body's origin with the gait's motion: what an IMU in the trunk feels."""
+        return self._pose @ self._gait.trunk
+
+    @property
+    def camera_pose(self) -> Pose:
+        """Where the mount puts the camera, moved by the gait."""
+        return self.settings.camera.pose(self.trunk)
+
+    @property
+    def velocity(self) -> Twist:
+        """The velocity over the ground now: what the legs do, less what slips."""
+        kept = 1.0 - self._slip
+        legs = self._legs
+        return Twist(vx=kept * legs.vx, vy=kept * legs.vy, yaw_rate=kept * legs.yaw_rate)
+
+    def _advance(self, dt_s: float) -> None:
+        # Half a nanosecond forgives the rounding of summed steps.
+        while self._pending and self._pending[0][0] <= self._now_s + 0.5e-9:
+            self._command = self._pending.popleft()[1]
+        self._now_s += dt_s
+        self._legs = self._lagged(dt_s)
+        if self._gait.step(self._pace(), dt_s):
+            self._slip = self._mean_slip * self._random.uniform(0.0, 2.0)
+        at, over_ground = self._pose, self.velocity
+        along = at.yaw + over_ground.yaw_rate * dt_s / 2
+        ahead, aside = over_ground.vx * dt_s * math.cos(at.pitch), over_ground.vy * dt_s * math.cos(at.roll)
+        self._pose = Pose(
+            at.x + ahead * math.cos(along) - aside * math.sin(along),
+            at.y + ahead * math.sin(along) + aside * math.cos(along),
+            at.z,
+            at.roll,
+            at.pitch,
+            wrap_angle(at.yaw + over_ground.yaw_rate * dt_s),
+        )
+
+    def _lagged(self, dt_s: float) -> Twist:
+        share = 1.0 - math.exp(-dt_s / self.settings.lag_s) if self.settings.lag_s > 0 else 1.0
+        legs, command = self._legs, self._command
+        vx, vy, yaw_rate = (
+            now + share * (wanted - now)
+            for now, wanted in (
+                (legs.vx, command.vx),
+                (legs.vy, command.vy),
+                (legs.yaw_rate, command.yaw_rate),
+            )
+        )
+        if command == ZERO and max(abs(vx), abs(vy), abs(yaw_rate)) < _STANDING_M_S:
+            return ZERO
+        return Twist(vx=vx, vy=vy, yaw_rate=yaw_rate)
+
+    def _pace(self) -> float:
+        """Return the speed as a share of the largest, 0 to 1; turning on the spot is walking too."""
+        legs, settings = self._legs, self.settings
+        walking = math.hypot(legs.vx, legs.vy) / settings.forward_m_s
+        return min(1.0, walking + abs(legs.yaw_rate) / settings.yaw_rate_rad_s)
+
+    def _clip(self, command: Twist) -> Twist:
+        if not command.is_finite():
+            return ZERO
+        limits = self.settings
+        return Twist(
+            vx=max(-limits.backward_m_s, min(limits.forward_m_s, command.vx)),
+            vy=max(-limits.lateral_m_s, min(limits.lateral_m_s, command.vy)),
+            yaw_rate=max(-limits.yaw_rate_rad_s, min(limits.yaw_rate_rad_s, command.yaw_rate)),
+        )

@@ -1,0 +1,58 @@
+"""Commands on their way out: a velocity in whatever message this robot takes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from adatracker_deploy.platform import ZERO, Twist
+from adatracker_quadruped import sport
+from adatracker_quadruped.keys import Keys
+from adatracker_quadruped.messages import encode_twist, encode_twist_stamped
+from adatracker_quadruped.outlet import Outlet
+
+if TYPE_CHECKING:
+    import zenoh
+
+    from adatracker_quadruped.connection import Connection
+
+
+class Commander:
+    """Sends velocities; none of its calls waits for the robot."""
+
+    def __init__(self, session: zenoh.Session, connection: Connection) -> None:
+        keys = Keys(connection)
+        self.key = keys.command
+        """Where commands go."""
+        self._connection = connection
+        self._outlet = Outlet(session, keys.command, attaches=keys.attaches)
+
+    @property
+    def matched(self) -> bool:
+        """Tell whether somebody subscribes to the commands."""
+        return self._outlet.matched
+
+    def walk(self, twist: Twist, stamp_ns: int) -> None:
+        """Send one velocity.
+
+        Args:
+            twist: its vertical part has no meaning for a robot on the ground.
+            stamp_ns: when it was made, since 1970; a sport request takes it as its number.
+
+        Raises:
+            PlatformError: it is not finite, or not a velocity that anything walks with.
+        """
+        match self._connection.command:
+            case "twist":
+                payload = encode_twist(twist)
+            case "twist_stamped":
+                payload = encode_twist_stamped(twist, stamp_ns, self._connection.command_frame)
+            case "unitree_sport":
+                payload = sport.encode_move(twist, request_id=stamp_ns)
+        self._outlet.put(payload, stamp_ns)
+
+    def stand(self, stamp_ns: int) -> None:
+        """Say that no command will follow: StopMove where there is one, another zero where not."""
+        if self._connection.command == "unitree_sport":
+            self._outlet.put(sport.encode_stop(request_id=stamp_ns), stamp_ns)
+        else:
+            self.walk(ZERO, stamp_ns)

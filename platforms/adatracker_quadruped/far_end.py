@@ -1,0 +1,168 @@
+"""Inside the far end: a trotting body in a world, and its ROS 2 topics in a Zenoh session of its own."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+import cv2
+import zenoh
+
+from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.platform import ZERO
+from adatracker_deploy.schema import Range
+from adatracker_deploy.world.rehearsal import Rehearsal, film
+from adatracker_quadruped.body import QuadrupedBody
+from adatracker_quadruped.connection import Connection
+from adatracker_quadruped.intake import STALE_S, Intake
+from adatracker_quadruped.keys import Keys
+from adatracker_quadruped.messages import CompressedImage, encode_compressed_image
+from adatracker_quadruped.outlet import Outlet
+from adatracker_quadruped.senses import Senses
+from adatracker_quadruped.session import zenoh_config
+from adatracker_quadruped.settings import SitlSettings
+from adatracker_quadruped.sitl_keys import Fault, SitlKeys, StampedTruth, encode_stamped_truth
+
+if TYPE_CHECKING:
+    from adatracker_deploy.messages import Frame
+    from adatracker_deploy.platform import Scenario
+    from adatracker_deploy.runtime.clock import Clock
+
+LOOK_S = 0.01
+"""Machine time between two looks at the channels: how soon a stop is obeyed, too."""
+LONGEST_LAG_S = 0.25
+"""A process that was kept from running for longer skips the time instead of rushing through it."""
+DEAF_S = 0.2
+"""After a gap in which commands may have piled up, machine time for which all of them are dropped."""
+LINGER_S = 5.0
+"""After its lifeline has ended the robot has so long, in machine time, to stand."""
+JPEG_QUALITY = 90
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Robot:
+    """What is simulated."""
+
+    connection: Connection
+    """Where it listens and what it speaks; with a camera topic."""
+    sitl: SitlSettings
+    camera_hz: Annotated[float, Range(1, 240)]
+
+
+class FarEnd:
+    """One robot, standing, that anybody who reaches its endpoint can walk.
+
+    Raises:
+        PlatformError: it cannot listen at its endpoint.
+        UsageError: there is no such scene.
+    """
+
+    def __init__(self, robot: Robot, scenario: Scenario, clock: Clock) -> None:
+        connection, self._clock = robot.connection, clock
+        self._command_timeout_s = connection.command_timeout_s
+        self._camera_hz = robot.camera_hz
+        self._body = QuadrupedBody(robot.sitl)
+        self._rehearsal = Rehearsal(scenario, self._body, math.radians(robot.sitl.camera.fov_deg))
+        try:
+            self._session = zenoh.open(zenoh_config(connection, mode="router"))
+        except zenoh.ZError as error:
+            raise PlatformError(
+                f"cannot listen at {connection.endpoint}: is another rehearsal or router running there?"
+            ) from error
+        keys, sitl_keys = Keys(connection), SitlKeys(connection)
+        latest = zenoh.handlers.RingChannel
+        self._commands = self._session.declare_subscriber(keys.command, latest(1))
+        self._goes = self._session.declare_subscriber(sitl_keys.go, latest(1))
+        self._faults = self._session.declare_subscriber(sitl_keys.fault, latest(1))
+        live = self._session.liveliness()
+        self._hosts = live.declare_subscriber(connection.host_token, latest(64), history=True)
+        self._tokens = [live.declare_token(key) for key in (sitl_keys.alive, _token(connection)) if key]
+        self._senses = Senses(self._session, connection, robot.sitl)
+        self._images = Outlet(self._session, keys.camera, attaches=keys.attaches)
+        self._truths = self._session.declare_publisher(
+            sitl_keys.truth, express=True, priority=zenoh.Priority.REAL_TIME
+        )
+        self._intake = Intake(connection)
+        self._command, self._obeyed_s = ZERO, -math.inf
+        self._fault = Fault.NONE
+        self._said: tuple[bytes, bytes, int] | None = None
+        """The newest image, its truth and their stamp."""
+
+    def serve(self, lifeline_ended: threading.Event) -> None:
+        """Run until the lifeline has ended and the robot stands, or `LINGER_S` after that end."""
+        filming_ended = threading.Event()
+        filming = film(self._rehearsal, self._clock, self._camera_hz, self._publish, filming_ended)
+        try:
+            self._walk(lifeline_ended)
+        finally:
+            filming_ended.set()
+            filming.join()
+            self._session.close()
+
+    def _walk(self, lifeline_ended: threading.Event) -> None:
+        give_up_s, deaf_until_s = math.inf, 0.0
+        looked_s, last_ns = time.monotonic(), self._clock.now_ns()
+        while True:
+            now_s, now_ns = time.monotonic(), self._clock.now_ns()
+            if now_s - looked_s > STALE_S:
+                deaf_until_s = now_s + DEAF_S
+            looked_s = now_s
+            self._listen(now_s, deaf=now_s < deaf_until_s)
+            if lifeline_ended.is_set():
+                self._command = ZERO
+                give_up_s = min(give_up_s, now_s + LINGER_S)
+                if self._body.velocity == ZERO or now_s > give_up_s:
+                    return
+            passed_s = min((now_ns - last_ns) / 1e9, LONGEST_LAG_S * self._clock.speed)
+            last_ns = now_ns
+            if passed_s > 0:
+                self._rehearsal.step(self._command, passed_s)
+            self._senses.tell(self._body, self._fault, now_ns, time.time_ns())
+            time.sleep(LOOK_S)
+
+    def _listen(self, now_s: float, *, deaf: bool) -> None:
+        """Take what has come in, the newest command alone; and stop when there is reason to."""
+        if self._goes.try_recv() is not None:
+            self._rehearsal.go()
+        if (wanted := self._faults.try_recv()) is not None:
+            self._fault = _fault(bytes(wanted.payload)) or self._fault
+        sample = self._commands.try_recv()
+        if sample is not None and not deaf:
+            attached = bytes(sample.attachment) if sample.attachment is not None else None
+            command = self._intake.take(bytes(sample.payload), attached, time.time_ns())
+            if command is not None:
+                self._command, self._obeyed_s = command, now_s
+        host_left = False
+        while (change := self._hosts.try_recv()) is not None:
+            host_left = change.kind == zenoh.SampleKind.DELETE
+        if host_left or deaf or now_s - self._obeyed_s > self._command_timeout_s:
+            self._command = ZERO
+
+    def _publish(self, frame: Frame) -> None:
+        """Send an image and, before it, its truth; from the camera's thread."""
+        if self._fault is Fault.SILENT or frame.truth is None:
+            return
+        if self._fault is not Fault.FROZEN_CAMERA or self._said is None:
+            stamp_ns = time.time_ns()
+            _, jpeg = cv2.imencode(".jpg", frame.rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+            image = CompressedImage(stamp_ns, "jpeg", memoryview(jpeg.tobytes()))
+            truth = encode_stamped_truth(StampedTruth(stamp_ns, frame.truth))
+            self._said = (encode_compressed_image(image), truth, stamp_ns)
+        payload, truth, stamp_ns = self._said
+        self._truths.put(truth)
+        self._images.put(payload, stamp_ns)
+
+
+def _token(connection: Connection) -> str:
+    """Return a key that the host's expression for the robot's token matches; empty where it watches none."""
+    return connection.robot_liveliness.replace("**", "sitl").replace("*", "sitl")
+
+
+def _fault(payload: bytes) -> Fault | None:
+    try:
+        return Fault(payload.decode())
+    except ValueError:
+        return None

@@ -1,0 +1,262 @@
+"""The quadruped's adapter: body velocities to a robot that speaks ROS 2 over Zenoh."""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.perception.camera import ROBOT
+from adatracker_deploy.platform import ZERO, Body, Check, Platform, PlatformState, Sitl, Twist
+from adatracker_quadruped.camera_topic import with_camera
+from adatracker_quadruped.connection import Connection
+from adatracker_quadruped.keys import Keys
+from adatracker_quadruped.preflight import Heard, judge
+from adatracker_quadruped.settings import SitlSettings
+from adatracker_quadruped.wire import Wire
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from adatracker_deploy.perception.camera import Camera
+    from adatracker_deploy.profile import Profile
+    from adatracker_deploy.runtime.clock import Clock
+    from adatracker_quadruped.watch import Watch
+
+_LISTEN_S = 0.5
+"""How long a preflight counts the odometry at least."""
+_COMPLETE_S = 2.0
+"""And waits at most for a charge, which is told once a second, an attitude and an image."""
+_ZEROS = 3
+_ZERO_PERIOD_S = 0.02
+_POLL_S = 0.01
+_LONGEST_REASON = 95
+
+
+class QuadrupedPlatform(Platform):
+    """A walking robot behind Zenoh.
+
+    Such a robot has nothing to switch on: to engage is to be sure that it listens and is heard. A stop
+    latches here, beside the robot's own time-out: a link that comes back moves nothing.
+    """
+
+    name = "quadruped"
+    axes = frozenset({"vx", "vy", "yaw_rate"})
+    Connection = Connection
+    SitlSettings = SitlSettings
+    default_profile = "go2"
+
+    def __init__(self, profile: Profile, clock: Clock) -> None:
+        super().__init__(profile, clock)
+        self._connection: Connection = profile.connection
+        self._opening = threading.Lock()
+        """Held while the wire is opened or closed."""
+        self._steering = threading.Lock()
+        """Held for one command at a time: none goes out after the stop that forbids it."""
+        self._wire: Wire | None = None
+        self._engaged = False
+        self._in_charge = False
+        """Engaged since the last disengage: only then is the robot ours to stop."""
+        self._stopped = ""
+
+    def connect(self) -> None:
+        """Dial the robot and wait for its odometry; moves nothing.
+
+        Raises:
+            PlatformError: nobody answers, or no odometry comes, within `connect_timeout_s` in all.
+            UsageError: a certificate's file is not there.
+        """
+        with self._opening:
+            if self._wire is not None:
+                return
+            deadline_s = time.monotonic() + self._connection.connect_timeout_s
+            wire = Wire(self._connection, self.clock)
+            if not _until(lambda: wire.watch.odometry.newest is not None, deadline_s):
+                dropped = wire.watch.odometry.dropped
+                wire.close()
+                raise PlatformError(
+                    f"{self._connection.endpoint} answers, but no odometry came on "
+                    f"{Keys(self._connection).odometry} within {self._connection.connect_timeout_s:g} s"
+                    + (f" ({dropped} malformed messages did)" if dropped else "")
+                    + ": start the robot's nodes, or correct connection.odometry_topic, namespace or dialect"
+                )
+            self._wire = wire
+
+    def preflight(self) -> tuple[Check, ...]:
+        """Listen for half a second, two at most, and judge what was heard."""
+        wire = self._connected()
+        watch = wire.watch
+        carries_camera = self.profile.camera.uri.startswith(ROBOT)
+        camera_key = Keys(with_camera(self.profile)).camera if carries_camera else ""
+        began_s, before = time.monotonic(), watch.odometry.newest
+        camera_heard = bool(camera_key) and wire.hears(camera_key, _COMPLETE_S)
+        _until(
+            lambda: all(tap.newest is not None for tap in (watch.battery, watch.imu) if tap is not None),
+            began_s + _COMPLETE_S,
+        )
+        _until(lambda: time.monotonic() > began_s + _LISTEN_S, began_s + _COMPLETE_S)
+        after, listened_s = watch.odometry.newest, time.monotonic() - began_s
+        heard = Heard(
+            command_key=wire.commander.key,
+            matched=wire.commander.matched,
+            has_rival=wire.has_rival,
+            trouble=watch.trouble(),
+            odometry_hz=(after.count - before.count) / listened_s if after and before else 0.0,
+            attitude=_attitude(watch),
+            battery=watch.battery.newest.value if watch.battery and watch.battery.newest else None,
+            camera_key=camera_key,
+            camera_heard=camera_heard,
+            dropped=sum(tap.dropped for tap in (watch.odometry, watch.imu, watch.battery) if tap is not None),
+        )
+        return judge(heard, self._connection)
+
+    def engage(self) -> None:
+        """Accept commands from now on.
+
+        Raises:
+            PlatformError: nobody listens to commands, or the robot is not heard.
+        """
+        wire = self._connected()
+        with self._steering:
+            if self._engaged:
+                return
+            if wire.has_rival:
+                token = self._connection.host_token
+                raise PlatformError(f"another host holds {token}: end it, then connect again")
+            if why := self._trouble(wire):
+                raise PlatformError(why)
+            self._engaged = self._in_charge = True
+            self._stopped = ""
+
+    def send(self, command: Twist, now_ns: int) -> Twist:
+        """Send one velocity, without its vertical part; return what was sent.
+
+        Raises:
+            PlatformError: the command is not finite, the robot is not engaged, or it is no longer there: then
+                a zero goes out instead and the stop latches.
+        """
+        if not command.is_finite():
+            raise PlatformError(f"refused to send {command}: not finite")
+        with self._steering:
+            wire = self._connected()
+            if not self._engaged:
+                raise PlatformError(f"not engaged: {self._stopped or 'engage first'}")
+            if why := self._trouble(wire):
+                self._engaged, self._stopped = False, why
+                wire.commander.walk(ZERO, time.time_ns())
+                raise PlatformError(why)
+            sent = replace(command, vz=0.0)
+            age_ns = (self.clock.now_ns() - now_ns) / self.clock.speed
+            wire.commander.walk(sent, time.time_ns() - round(age_ns))
+            return sent
+
+    def state(self) -> PlatformState:
+        """Return what odometry and battery said last; the pose is in the robot's odometry frame."""
+        wire, engaged, stopped = self._wire, self._engaged, self._stopped[:_LONGEST_REASON]
+        reading = wire.watch.odometry.newest if wire is not None else None
+        if wire is None or reading is None:
+            return PlatformState(t_ns=0, stopped=stopped)
+        battery = wire.watch.battery.newest if wire.watch.battery is not None else None
+        return PlatformState(
+            t_ns=reading.t_ns,
+            mode="DRIVE" if engaged else "READY",
+            engaged=engaged,
+            pose=reading.value.pose,
+            velocity=reading.value.velocity,
+            battery=battery.value if battery is not None else None,
+            stopped=stopped,
+        )
+
+    def hold(self, reason: str) -> None:
+        """Send zero three times; no command follows until an explicit `engage`."""
+        self._withdraw(reason)
+        wire = self._wire
+        if wire is not None and self._in_charge:
+            self._send_zeros(wire)
+
+    def disengage(self) -> None:
+        """Do as `hold`, tell the robot to stand, and leave it alone."""
+        self._withdraw("")
+        wire = self._wire
+        if wire is not None and self._in_charge:
+            self._send_zeros(wire)
+            with self._steering:
+                if not self._engaged:
+                    wire.commander.stand(time.time_ns())
+                    self._in_charge = False
+
+    def close(self) -> None:
+        """Disengage, let the token go and close the session."""
+        self.disengage()
+        with self._opening:
+            with self._steering:
+                wire, self._wire = self._wire, None
+                self._engaged = self._in_charge = False
+            if wire is not None:
+                wire.close()
+
+    @classmethod
+    def camera(cls, profile: Profile, clock: Clock) -> Camera:
+        """Return the robot's own camera: CompressedImage on the topic after ``robot://``."""
+        from adatracker_quadruped.camera import ZenohCamera
+
+        return ZenohCamera(profile, clock)
+
+    @classmethod
+    def body(cls, profile: Profile) -> Body:
+        """Return the walking dynamics."""
+        from adatracker_quadruped.body import QuadrupedBody
+
+        return QuadrupedBody(profile.sitl)
+
+    @classmethod
+    def sitl(cls, profile: Profile) -> Sitl:
+        """Return a simulated robot, its camera with it, in a process of its own; needs the sitl extra."""
+        from adatracker_quadruped.sitl import QuadrupedSitl
+
+        return QuadrupedSitl(profile)
+
+    def _connected(self) -> Wire:
+        wire = self._wire
+        if wire is None:
+            raise PlatformError("the robot is not connected: connect first")
+        return wire
+
+    def _trouble(self, wire: Wire) -> str:
+        if why := wire.watch.trouble():
+            return why
+        return "" if wire.commander.matched else f"nobody subscribes to {wire.commander.key}"
+
+    def _withdraw(self, reason: str) -> None:
+        with self._steering:
+            self._engaged = False
+            self._stopped = self._stopped or reason
+
+    def _send_zeros(self, wire: Wire) -> None:
+        for _ in range(_ZEROS):
+            with self._steering:
+                if self._engaged or self._wire is not wire:  # somebody engaged again, or closed, meanwhile
+                    return
+                wire.commander.walk(ZERO, time.time_ns())
+            time.sleep(_ZERO_PERIOD_S)
+
+
+def _attitude(watch: Watch) -> tuple[float, float, float] | None:
+    """Return roll, pitch and yaw, rad, as the IMU says, or the odometry of a robot whose IMU is not named."""
+    if watch.imu is not None:
+        return watch.imu.newest.value.attitude if watch.imu.newest else None
+    odometry = watch.odometry.newest
+    return (
+        (odometry.value.pose.roll, odometry.value.pose.pitch, odometry.value.pose.yaw) if odometry else None
+    )
+
+
+def _until(condition: Callable[[], bool], deadline_s: float) -> bool:
+    """Wait for a condition until a machine's time; return whether it came to hold."""
+    while not condition():
+        if time.monotonic() > deadline_s:
+            return False
+        time.sleep(_POLL_S)
+    return True

@@ -1,0 +1,90 @@
+"""What a simulated robot tells of itself: odometry, inertia and charge, each at its rate."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from adatracker_quadruped.keys import Keys
+from adatracker_quadruped.messages import Imu, Odometry, encode_battery, encode_imu, encode_odometry
+from adatracker_quadruped.outlet import Outlet
+from adatracker_quadruped.sitl_keys import Fault
+
+if TYPE_CHECKING:
+    import zenoh
+
+    from adatracker_quadruped.body import QuadrupedBody
+    from adatracker_quadruped.connection import Connection
+    from adatracker_quadruped.settings import SitlSettings
+
+_BATTERY_HZ = 1.0
+_LOW = 0.05
+_GRAVITY_M_S2 = 9.81
+_TIPPED_ROLL = math.radians(85.0)
+
+
+class Senses:
+    """Publishes what is due; a topic that the connection does not name is not there."""
+
+    def __init__(self, session: zenoh.Session, connection: Connection, settings: SitlSettings) -> None:
+        keys = Keys(connection)
+        self._settings = settings
+        self._odometry = _Due(session, keys.odometry, settings.odometry_hz, attaches=keys.attaches)
+        self._imu = _Due(session, keys.imu, settings.imu_hz, attaches=keys.attaches)
+        self._battery = _Due(session, keys.battery, _BATTERY_HZ, attaches=keys.attaches)
+        self._said = b""
+        """The newest odometry."""
+
+    def tell(self, body: QuadrupedBody, fault: Fault, now_ns: int, unix_ns: int) -> None:
+        """Publish each topic whose period has passed.
+
+        Args:
+            body: as it is now.
+            fault: what is wrong with it.
+            now_ns: by the run's clock, in which the rates are.
+            unix_ns: the stamp, since 1970.
+        """
+        if fault is Fault.SILENT:
+            return
+        if self._odometry.due(now_ns):
+            if fault is not Fault.FROZEN_ODOMETRY:
+                self._said = encode_odometry(Odometry(body.pose, body.velocity, unix_ns))
+            self._odometry.put(self._said, unix_ns)
+        if self._imu.due(now_ns):
+            self._imu.put(encode_imu(_inertia(body, fault, unix_ns)), unix_ns)
+        if self._battery.due(now_ns):
+            charge = _LOW if fault is Fault.LOW_BATTERY else self._settings.battery
+            self._battery.put(encode_battery(charge, unix_ns), unix_ns)
+
+
+def _inertia(body: QuadrupedBody, fault: Fault, unix_ns: int) -> Imu:
+    trunk = body.trunk
+    if fault is Fault.TIPPED_OVER:
+        trunk = replace(trunk, roll=_TIPPED_ROLL)
+    ax, ay, az = (float(g) for g in trunk.rotation()[2] * _GRAVITY_M_S2)
+    return Imu(
+        attitude=(trunk.roll, trunk.pitch, trunk.yaw),
+        angular_velocity_rad_s=(0.0, 0.0, body.velocity.yaw_rate),
+        acceleration_m_s2=(ax, ay, az),
+        stamp_ns=unix_ns,
+    )
+
+
+class _Due:
+    """An outlet with a period; a slot that was missed is not made up for."""
+
+    def __init__(self, session: zenoh.Session, key: str, rate_hz: float, *, attaches: bool) -> None:
+        self._outlet = Outlet(session, key, attaches=attaches) if key else None
+        self._period_ns = round(1e9 / rate_hz)
+        self._next_ns = 0
+
+    def due(self, now_ns: int) -> bool:
+        if self._outlet is None or now_ns < self._next_ns:
+            return False
+        self._next_ns = max(self._next_ns + self._period_ns, now_ns + self._period_ns // 2)
+        return True
+
+    def put(self, payload: bytes, unix_ns: int) -> None:
+        if self._outlet is not None and payload:
+            self._outlet.put(payload, unix_ns)

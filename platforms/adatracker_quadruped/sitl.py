@@ -1,0 +1,174 @@
+"""The simulated far end: a trotting robot that speaks ROS 2 over Zenoh, its camera's images with it.
+
+``QuadrupedSitl`` starts it for a rehearsal. By hand, for a script or ROS 2 nodes of one's own::
+
+    python -m adatracker_quadruped.sitl --profile go2 --listen tcp/127.0.0.1:7447
+
+Then anything can go wrong on demand, by a word on the key ``sitl/fault`` (`sitl_keys.Fault`).
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import dataclasses
+import importlib.util
+import json
+import re
+import socket
+import sys
+from typing import TYPE_CHECKING
+
+from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.far_end import (
+    FarEndProcess,
+    add_arguments,
+    announce,
+    far_end_clock,
+    lifeline,
+    refuse,
+)
+from adatracker_deploy.perception.camera import ROBOT
+from adatracker_deploy.platform import Scenario, Sitl
+from adatracker_deploy.profile import load_profile
+from adatracker_deploy.schema import parse
+from adatracker_quadruped.camera_topic import with_camera
+
+if TYPE_CHECKING:
+    from adatracker_deploy.profile import Profile
+    from adatracker_deploy.runtime.clock import Clock
+    from adatracker_quadruped.connection import Connection
+    from adatracker_quadruped.far_end import FarEnd, Robot
+
+_LISTEN = re.compile(r"tcp/127\.0\.0\.1:([0-9]{1,5})")
+_DEFAULT_TOPIC = "camera/image_raw/compressed"
+_FAILED = 1
+
+
+class QuadrupedSitl(Sitl):
+    """Starts the far end at a free port of this machine, whatever robot the profile's endpoint names."""
+
+    def __init__(self, profile: Profile) -> None:
+        self._profile = profile
+        self._process = FarEndProcess("adatracker_quadruped.sitl", "simulated quadruped")
+
+    @property
+    def pid(self) -> int | None:
+        """The far end's process; None while there is none."""
+        return self._process.pid
+
+    def start(self, clock: Clock, scenario: Scenario) -> Profile:
+        """Start the far end and wait until it is up.
+
+        Raises:
+            UsageError: there is no such scene, or the sitl extra is missing.
+            PlatformError: the process did not come up.
+        """
+        _require_mujoco()
+        profile = _with_robots_camera(self._profile)
+        connection = _listening(with_camera(profile), f"tcp/127.0.0.1:{_free_port()}")
+        robot = {
+            "connection": dataclasses.asdict(connection),
+            "sitl": dataclasses.asdict(profile.sitl),
+            "camera_hz": profile.camera.rate_hz,
+        }
+        self._process.start(
+            clock,
+            [
+                *("--robot", json.dumps(robot), "--scene", scenario.scene, "--seed", str(scenario.seed)),
+                *("--target-speed", repr(scenario.target_speed_m_s)),
+            ],
+        )
+        return dataclasses.replace(profile, connection=connection)
+
+    def close(self) -> None:
+        """End the lifeline and wait: the process ends once the robot stands."""
+        self._process.close()
+
+
+def _with_robots_camera(profile: Profile) -> Profile:
+    """Return the profile with the camera on the robot's own wire, whichever the profile names."""
+    if profile.camera.uri.startswith(ROBOT):
+        return profile
+    topic = profile.connection.camera_topic or _DEFAULT_TOPIC
+    return dataclasses.replace(profile, camera=dataclasses.replace(profile.camera, uri=f"{ROBOT}{topic}"))
+
+
+def _listening(connection: Connection, endpoint: str) -> Connection:
+    """Return the connection at an endpoint of this machine, which needs no certificates."""
+    return dataclasses.replace(connection, endpoint=endpoint, tls=None)
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the far end until it is told to end; return the exit status."""
+    args = _arguments().parse_args(argv)
+    try:
+        robot = _robot(args)
+        far_end = _power_on(robot, args)
+    except (UsageError, json.JSONDecodeError) as error:
+        return refuse(error)
+    except PlatformError as error:
+        refuse(error)
+        return _FAILED
+    lifeline_ended = lifeline(args)
+    announce(endpoint=robot.connection.endpoint)
+    with contextlib.suppress(KeyboardInterrupt):
+        far_end.serve(lifeline_ended)
+    return 0
+
+
+def _robot(args: argparse.Namespace) -> Robot:
+    _require_mujoco()
+    from adatracker_quadruped.far_end import Robot
+    from adatracker_quadruped.platform import QuadrupedPlatform
+
+    if args.robot:
+        return parse(Robot, json.loads(args.robot), where="--robot")
+    profile = _with_robots_camera(load_profile(args.profile, QuadrupedPlatform))
+    port = int(args.listen.rpartition(":")[2]) or _free_port()
+    connection = _listening(with_camera(profile), f"tcp/127.0.0.1:{port}")
+    return Robot(connection=connection, sitl=profile.sitl, camera_hz=profile.camera.rate_hz)
+
+
+def _power_on(robot: Robot, args: argparse.Namespace) -> FarEnd:
+    from adatracker_quadruped.far_end import FarEnd
+
+    scenario = Scenario(scene=args.scene, target_speed_m_s=args.target_speed, seed=args.seed)
+    return FarEnd(robot, scenario, far_end_clock(args))
+
+
+def _require_mujoco() -> None:
+    if importlib.util.find_spec("mujoco") is None:
+        raise UsageError("a simulated quadruped needs mujoco: pip install 'adatracker-deploy[sitl]'")
+
+
+def _loopback(text: str) -> str:
+    match = _LISTEN.fullmatch(text)
+    if match is None or int(match[1]) >= 2**16:
+        raise argparse.ArgumentTypeError(f"{text!r} is not tcp/127.0.0.1:PORT; port 0 is any free one")
+    return text
+
+
+def _arguments() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m adatracker_quadruped.sitl", description="A simulated walking robot."
+    )
+    parser.add_argument("--profile", default="go2", help="name or file of the robot's profile")
+    parser.add_argument(
+        "--listen", type=_loopback, default="tcp/127.0.0.1:7447", help="port 0 is any free one"
+    )
+    parser.add_argument("--scene", default="simple_room", help="the world it stands in")
+    parser.add_argument("--target-speed", type=float, default=1.0, help="of the person in it, m/s")
+    parser.add_argument("--robot", default="", help="instead of a profile: a far_end.Robot as JSON")
+    add_arguments(parser)
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,71 @@
+"""The keys that only a simulated robot has, beside its ROS 2 topics, and what is on them.
+
+``sitl/alive``  its liveliness token: this robot is a rehearsal.
+``sitl/truth``  the truth of each image, under the image's stamp; put before the image is.
+``sitl/go``     anything put here lets the people in its world walk.
+``sitl/fault``  a `Fault` by name, until the next one.
+"""
+
+from __future__ import annotations
+
+import enum
+import struct
+from typing import TYPE_CHECKING, NamedTuple
+
+from adatracker_deploy.perception.truth_wire import decode_truth, encode_truth
+
+if TYPE_CHECKING:
+    from adatracker_deploy.messages import Truth
+    from adatracker_quadruped.connection import Connection
+
+TRUTH_CAP_BYTES = 1 << 20
+_STAMP = struct.Struct("<q")
+
+
+class Fault(enum.StrEnum):
+    """What can be wrong with a simulated robot, on demand."""
+
+    NONE = "none"
+    SILENT = "silent"
+    """It sends nothing any more; it still listens."""
+    FROZEN_ODOMETRY = "frozen_odometry"
+    """Its odometry repeats the last measurement, stamp and all."""
+    FROZEN_CAMERA = "frozen_camera"
+    """Its camera repeats the last image, stamp and all."""
+    LOW_BATTERY = "low_battery"
+    TIPPED_OVER = "tipped_over"
+
+
+class StampedTruth(NamedTuple):
+    """The truth of the image with this stamp, ns since 1970."""
+
+    stamp_ns: int
+    truth: Truth
+
+
+class SitlKeys:
+    """The keys of one robot, under its namespace."""
+
+    def __init__(self, connection: Connection) -> None:
+        base = f"{connection.namespace.strip('/')}/sitl".lstrip("/")
+        self.alive = f"{base}/alive"
+        self.truth = f"{base}/truth"
+        self.go = f"{base}/go"
+        self.fault = f"{base}/fault"
+
+
+def encode_stamped_truth(stamped: StampedTruth) -> bytes:
+    """Return the stamp, int64 little-endian, with `truth_wire` behind it."""
+    return _STAMP.pack(stamped.stamp_ns) + encode_truth(stamped.truth)
+
+
+def decode_stamped_truth(payload: bytes) -> StampedTruth:
+    """Return what `encode_stamped_truth` wrote.
+
+    Raises:
+        ValueError: it is something else.
+    """
+    if len(payload) < _STAMP.size:
+        raise ValueError(f"not a stamped truth: {len(payload)} bytes")
+    (stamp_ns,) = _STAMP.unpack_from(payload)
+    return StampedTruth(stamp_ns, decode_truth(payload[_STAMP.size :]))

@@ -1,0 +1,81 @@
+"""The newest good message on one key, with the time at which it came.
+
+A tap's thread waits on its own channel, so a message's age is right whether or not anybody looks. The thread
+ends when the session is closed, which is the one thing that a closed channel reports.
+"""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Generic, TypeVar
+
+import zenoh
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from adatracker_deploy.runtime.clock import Clock
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Reading(Generic[T]):
+    """A message as it was received."""
+
+    value: T
+    t_ns: int
+    """Of its reception, by the run's clock."""
+    count: int
+    """Good messages so far, this one included."""
+
+
+class Tap(Generic[T]):
+    """Listens on one key; what comes while a message is being decoded is replaced by what comes after it.
+
+    Args:
+        session: the tap ends with it.
+        key: without wildcards.
+        decode: returns the message in a payload, or raises ValueError: it is then dropped and counted.
+        clock: the run's.
+        cap_bytes: no longer payload is even copied.
+    """
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        key: str,
+        decode: Callable[[bytes], T],
+        clock: Clock,
+        cap_bytes: int,
+    ) -> None:
+        self._subscriber = session.declare_subscriber(key, zenoh.handlers.RingChannel(1))
+        self._decode = decode
+        self._clock = clock
+        self._cap_bytes = cap_bytes
+        self.newest: Reading[T] | None = None
+        self.dropped = 0
+        """Messages that were not what they should be."""
+        self._thread = threading.Thread(target=self._run, name=f"tap {key}", daemon=True)
+        self._thread.start()
+
+    def join(self) -> None:
+        """Wait for the thread's end; close the session first."""
+        self._thread.join()
+
+    def _run(self) -> None:
+        while True:
+            try:
+                sample = self._subscriber.recv()
+            except zenoh.ZError:  # the session is closed
+                return
+            t_ns = self._clock.now_ns()
+            try:
+                if len(sample.payload) > self._cap_bytes:
+                    raise ValueError(f"{len(sample.payload)} bytes are more than {self._cap_bytes}")
+                value = self._decode(bytes(sample.payload))
+            except ValueError:
+                self.dropped += 1
+                continue
+            self.newest = Reading(value, t_ns, self.newest.count + 1 if self.newest else 1)

@@ -1,0 +1,103 @@
+"""What is heard of the robot, and whether it may still be walked."""
+
+from __future__ import annotations
+
+import math
+import threading
+from typing import TYPE_CHECKING, Protocol, TypeVar
+
+import zenoh
+
+from adatracker_quadruped.keys import Keys
+from adatracker_quadruped.messages import Malformed, decode_battery, decode_imu, decode_odometry
+from adatracker_quadruped.protocol import SMALL_CAP_BYTES
+from adatracker_quadruped.tap import Tap
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from adatracker_deploy.runtime.clock import Clock
+    from adatracker_quadruped.connection import Connection
+
+
+class _Stamped(Protocol):
+    @property
+    def stamp_ns(self) -> int: ...
+
+
+S = TypeVar("S", bound=_Stamped)
+
+
+class Watch:
+    """Listens to the robot for as long as its session lives."""
+
+    def __init__(self, session: zenoh.Session, connection: Connection, clock: Clock) -> None:
+        keys = Keys(connection)
+        self._connection = connection
+        self._clock = clock
+        self.odometry = Tap(session, keys.odometry, fresh(decode_odometry), clock, SMALL_CAP_BYTES)
+        self.imu = self.battery = self._tokens = None
+        if keys.imu:
+            self.imu = Tap(session, keys.imu, fresh(decode_imu), clock, SMALL_CAP_BYTES)
+        if keys.battery:
+            self.battery = Tap(session, keys.battery, decode_battery, clock, SMALL_CAP_BYTES)
+        if connection.robot_liveliness:
+            self._tokens = _Tokens(session, connection.robot_liveliness)
+
+    def odometry_age_s(self) -> float:
+        """Return the machine's seconds since the newest odometry; infinite before the first."""
+        newest = self.odometry.newest
+        return (self._clock.now_ns() - newest.t_ns) / 1e9 / self._clock.speed if newest else math.inf
+
+    def trouble(self) -> str:
+        """Say why the robot must not be walked any further; empty while it may."""
+        if self._tokens is not None and not self._tokens.alive():
+            return f"the robot is gone: no liveliness token {self._connection.robot_liveliness}"
+        if (age_s := self.odometry_age_s()) > self._connection.odometry_timeout_s:
+            return f"no odometry for {age_s:.2f} s: the robot or the link to it is down"
+        return ""
+
+    def join(self) -> None:
+        """Wait for the end of every thread; close the session first."""
+        for tap in (self.odometry, self.imu, self.battery):
+            if tap is not None:
+                tap.join()
+
+
+class _Tokens:
+    """The robot's liveliness tokens: Zenoh tells of each that comes and goes, within 3 ms of a crash."""
+
+    def __init__(self, session: zenoh.Session, key: str) -> None:
+        self._changes = session.liveliness().declare_subscriber(
+            key, zenoh.handlers.RingChannel(256), history=True
+        )
+        self._present: set[str] = set()
+        self._lock = threading.Lock()
+
+    def alive(self) -> bool:
+        """Tell whether at least one is there."""
+        with self._lock:
+            while (change := self._changes.try_recv()) is not None:
+                if change.kind == zenoh.SampleKind.PUT:
+                    self._present.add(str(change.key_expr))
+                else:
+                    self._present.discard(str(change.key_expr))
+            return bool(self._present)
+
+
+def fresh(decode: Callable[[bytes], S]) -> Callable[[bytes], S]:
+    """Refuse a message with the stamp of the one before: a driver that repeats itself measures nothing.
+
+    A stamp of zero means that the sender gives none; its messages are all taken.
+    """
+    last_ns = 0
+
+    def decode_new(payload: bytes) -> S:
+        nonlocal last_ns
+        message = decode(payload)
+        if message.stamp_ns == last_ns != 0:
+            raise Malformed(f"the stamp {last_ns} came before")
+        last_ns = message.stamp_ns
+        return message
+
+    return decode_new
