@@ -175,7 +175,7 @@ class Codec:
         """Return the messages of the state role, in which the base says its condition.
 
         Args:
-            reading: all that the base has to say, since one message can serve several roles; None is sent as 0.
+            reading: all that the base has to say, as one message can serve several roles; None is sent as 0.
             count: how many such messages came before, for bases that count them.
 
         Raises:
@@ -210,8 +210,9 @@ class Codec:
         if reading.motion is not None:
             values |= self._drive.quantities(reading.motion)
         if reading.wheels_m is not None:
-            left, right = (_wrapped(rolled, self.wheel_wrap_m) for rolled in reading.wheels_m)
-            values |= {"left_m": left, "right_m": right}
+            values |= dict(zip(("left_m", "right_m"), reading.wheels_m, strict=True))
+            for part in self._odometry:
+                values |= {link.quantity: link.wrapped(values[link.quantity]) for link in part.links}
         return values
 
 
@@ -232,8 +233,3 @@ def _battery(said: Quantities) -> Told:
     if charge is not None and not 0 <= charge <= 1:
         raise Malformed(f"a state of charge of {charge:g} is out of its range")
     return {"battery": charge, "volts": said.get("volts")}
-
-
-def _wrapped(rolled_m: float, wrap_m: float | None) -> float:
-    """Return what a signed counter shows after it has wrapped around."""
-    return rolled_m if wrap_m is None else (rolled_m + wrap_m / 2) % wrap_m - wrap_m / 2

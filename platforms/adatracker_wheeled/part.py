@@ -41,6 +41,11 @@ class Link:
             return None
         return (self.signal.high - self.signal.low + 1) * abs(self.signal.scale * self.factor)
 
+    def wrapped(self, quantity: float) -> float:
+        """Return what a counter shows after it has started over as often as `quantity` needs."""
+        low, _ = self.span
+        return quantity if self.wrap is None else low + (quantity - low) % self.wrap
+
 
 @dataclass(frozen=True, slots=True)
 class Part:

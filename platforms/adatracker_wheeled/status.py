@@ -75,12 +75,13 @@ class StatusCodec:
             UsageError: the profile names no way to say it.
         """
         raws: dict[str, Raw] = {self._mode.name: self._raw_mode(status.mode)}
-        if self._condition:
-            raws[self._condition.name] = self._raw_condition(status)
-        elif status.emergency_stop:
-            raise UsageError("roles: state: names no signal that can tell of an emergency stop")
+        bits = {self._state.faults[name] for name in status.fault.split(", ") if name in self._state.faults}
         if self._errors:
-            raws[self._errors.name] = sum(1 << self._bit(name) for name in status.fault.split(", ") if name)
+            raws[self._errors.name] = sum(1 << bit for bit in bits)
+        if self._condition:
+            raws[self._condition.name] = self._raw_condition(self._condition, status)
+        elif status.emergency_stop or (status.fault and not bits):
+            raise UsageError("roles: state: names no signal that can tell of that fault or emergency stop")
         if self._volts and status.volts is not None:
             raws[self._volts.name] = self._volts.to_raw(status.volts)
         if self._count:
@@ -95,22 +96,14 @@ class StatusCodec:
                 return raw
         raise UsageError(f"roles: state: names no mode value for {mode}")
 
-    def _raw_condition(self, status: BaseStatus) -> Raw:
+    def _raw_condition(self, condition: Signal, status: BaseStatus) -> Raw:
         if status.emergency_stop:
             if not self._state.emergency_stop:
                 raise UsageError("roles: state: names no value for an emergency stop")
             return self._state.emergency_stop[0]
         if not status.fault:
             return self._state.ok[0]
-        assert self._condition is not None
-        return _unused(self._condition, self._state.ok + self._state.emergency_stop)
-
-    def _bit(self, name: str) -> int:
-        if name not in self._state.faults:
-            raise UsageError(
-                f"unknown fault {name!r}; this base knows {', '.join(self._state.faults) or 'none'}"
-            )
-        return self._state.faults[name]
+        return _unused(condition, self._state.ok + self._state.emergency_stop)
 
 
 def _unused(signal: Signal, taken: Sequence[Raw]) -> Raw:
