@@ -38,6 +38,6 @@ class Connection:
     def __post_init__(self) -> None:
         if self.interface == "udp_multicast":
             raise UsageError(
-                "connection: interface udp_multicast sends motion commands to the whole network and loses some "
-                "of them silently; use socketcand to reach a bus over a network"
+                "connection: interface udp_multicast sends motion commands to the whole network and loses "
+                "some of them silently; use socketcand to reach a bus over a network"
             )

@@ -32,7 +32,7 @@ class SitlSettings:
     delay_s: Annotated[float, Range(0, 1)] = 0.02
     """From a command to its first effect."""
     slip: Annotated[float, Range(0, 0.5)] = 0.03
-    """The largest share of a wheel's travel that is lost; each side draws its own, so that odometry drifts."""
+    """The largest share of a wheel's travel that is lost; each side draws its own, so odometry drifts."""
     battery: Annotated[float, Range(0, 1)] = 0.9
     """State of charge at power-on."""
     faults: tuple[FaultName, ...] = ()

@@ -1,0 +1,216 @@
+"""The CAN bus: the only module that uses python-can.
+
+One thread of our own receives (a python-can ``Notifier`` dies with its first error); frames are stamped when
+they arrive, since drivers disagree on time stamps. Whatever ends a bus is latched in `Bus.lost`: nothing is
+sent on it any more, and only opening a new one helps.
+"""
+
+from __future__ import annotations
+
+import difflib
+import errno
+import logging
+import select
+import socket
+import threading
+import time
+from typing import TYPE_CHECKING, Any
+
+import can
+
+from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_wheeled.protocol import CanFrame
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from adatracker_wheeled.connection import Connection
+
+logging.getLogger("can").addHandler(logging.NullHandler())  # errors are raised; no second line on stderr
+
+ANSWER_TIMEOUT_S = 1.5
+"""For a socketcand to answer; python-can would try for 10 s to connect, and wait for ever for an answer."""
+STUCK_S = 0.1
+"""A bus that takes no frame for so long is lost."""
+_LOOK_S = 0.05
+"""How often a silent bus is looked at."""
+_SEND_TIMEOUT_S = 0.1
+_BUS_OFF = 0x40
+"""CAN_ERR_BUSOFF in the id of an error frame (linux/can/error.h)."""
+_SET_ELSEWHERE = ("socketcan", "socketcand", "virtual")
+"""Interfaces whose bit rate this side has no say in."""
+
+
+class Bus:
+    """An open bus that is listened to.
+
+    Args:
+        driver: python-can's bus.
+        name: how errors name it, for example ``can0 (socketcan)``.
+        hear: called in the receive thread with each data frame, and with None when nothing came for 50 ms and
+            when the bus is lost.
+    """
+
+    def __init__(self, driver: Any, name: str, hear: Callable[[CanFrame | None], None]) -> None:
+        self.lost = ""
+        """Why the bus is lost; empty while it works."""
+        self.dropped = 0
+        """Frames that a full transmit queue did not take; they are not sent later."""
+        self.strange = 0
+        """Received frames that are none of classic CAN's data frames: remote, FD, error, oversized."""
+        self._driver = driver
+        self._name = name
+        self._hear = hear
+        self._stream = _stream(driver)
+        self._sending = threading.Lock()
+        self._full_since_s: float | None = None
+        self._closed = False
+        self._thread = threading.Thread(target=self._listen, name="can-receive", daemon=True)
+        self._thread.start()
+
+    @classmethod
+    def open(cls, connection: Connection, hear: Callable[[CanFrame | None], None]) -> Bus:
+        """Open the bus of a profile's ``connection:``.
+
+        Raises:
+            UsageError: no such interface, a driver that is not installed, or settings that it refuses.
+            PlatformError: no such device, it is in use, or nobody answers; said within 2 s.
+        """
+        interface, options = connection.interface, _options(connection)
+        if interface not in can.VALID_INTERFACES:
+            near = difflib.get_close_matches(interface, sorted(can.VALID_INTERFACES), n=1)
+            hint = (
+                f"did you mean {near[0]!r}?"
+                if near
+                else f"there are {', '.join(sorted(can.VALID_INTERFACES))}"
+            )
+            raise UsageError(f"connection: python-can has no interface {interface!r}; {hint}")
+        if interface == "socketcand":
+            _shake_hands(connection.host, connection.port, connection.channel)
+        name = f"{connection.channel} ({interface})"
+        try:
+            driver = can.Bus(interface=interface, channel=connection.channel, ignore_config=True, **options)
+        except can.CanInterfaceNotImplementedError as error:
+            raise UsageError(f"connection: interface {interface} lacks its driver: {_line(error)}") from error
+        except (can.CanError, OSError) as error:
+            raise PlatformError(
+                f"CAN bus {name} cannot be opened: {_line(error)}; plug the adapter in, bring the bus up "
+                "(ip link set can0 up type can bitrate 500000), or name another in connection.channel"
+            ) from error
+        except (TypeError, ValueError) as error:
+            raise UsageError(
+                f"connection: interface {interface} refuses its settings: {_line(error)}"
+            ) from error
+        return cls(driver, name, hear)
+
+    def send(self, frame: CanFrame) -> bool:
+        """Send one frame now or never; return whether the bus took it.
+
+        Raises:
+            PlatformError: the bus is lost.
+        """
+        message = can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=frame.extended)
+        with self._sending:
+            if self.lost:
+                raise PlatformError(self.lost)
+            try:
+                self._driver.send(message)
+            except (can.CanError, OSError) as error:
+                if not _is_full(error):
+                    raise self._lose(_line(error)) from error
+                self.dropped += 1
+                now_s = time.monotonic()
+                self._full_since_s = self._full_since_s or now_s
+                if now_s - self._full_since_s > STUCK_S:
+                    raise self._lose(f"it has taken no frame for {STUCK_S:g} s") from error
+                return False
+            self._full_since_s = None
+            return True
+
+    def close(self) -> None:
+        """Stop listening and release the device; may be called twice."""
+        self._closed = True
+        self._thread.join()
+        self._driver.shutdown()
+
+    def _listen(self) -> None:
+        try:
+            while not (self._closed or self.lost):
+                message = self._driver.recv(_LOOK_S)
+                if message is None and self._stream is not None and _ended(self._stream):
+                    self._lose("the far side has closed the connection")  # python-can would spin in silence
+                    break
+                self._hear(self._to_frame(message))
+        except Exception as error:  # drivers raise what they like; none of it may pass for a silent bus
+            self._lose(_line(error))
+        if not self._closed:
+            self._hear(None)
+
+    def _to_frame(self, message: Any) -> CanFrame | None:
+        if message is None:
+            return None
+        if message.is_error_frame and message.arbitration_id & _BUS_OFF:
+            self._lose("the controller went bus-off: check the wiring, the termination and the bit rate")
+            return None
+        try:
+            if message.is_error_frame or message.is_remote_frame or message.is_fd:
+                raise ValueError("no data frame of classic CAN")
+            return CanFrame(message.arbitration_id, bytes(message.data), message.is_extended_id)
+        except ValueError:
+            self.strange += 1
+            return None
+
+    def _lose(self, why: str) -> PlatformError:
+        """Latch the first reason."""
+        self.lost = self.lost or f"CAN bus {self._name} is lost: {why}"
+        return PlatformError(self.lost)
+
+
+def _options(connection: Connection) -> dict[str, Any]:
+    if connection.interface == "socketcand":
+        return {"host": connection.host, "port": connection.port, "tcp_tune": True}
+    return {} if connection.interface in _SET_ELSEWHERE else {"bitrate": connection.bitrate}
+
+
+def _shake_hands(host: str, port: int, channel: str) -> None:
+    """Find out whether a socketcand answers for this bus, on a connection of its own."""
+    what = f"no socketcand answers for {channel} on {host}:{port}"
+    deadline_s = time.monotonic() + ANSWER_TIMEOUT_S
+    try:
+        with socket.create_connection((host, port), ANSWER_TIMEOUT_S) as probe:
+            for say, expect in ((b"", b"< hi >"), (f"< open {channel} >".encode(), b"< ok >")):
+                probe.settimeout(max(0.01, deadline_s - time.monotonic()))
+                probe.sendall(say)
+                if (answer := probe.recv(64)) != expect:
+                    raise PlatformError(
+                        f"{what}: it says {answer!r:.40}, where {expect.decode()} was expected"
+                    )
+    except OSError as error:
+        raise PlatformError(
+            f"{what} ({_line(error)}): start it there, or mend connection.host, port and channel"
+        ) from error
+
+
+def _stream(driver: Any) -> socket.socket | None:
+    """Return the TCP connection that a driver speaks through, if it does; made unable to block for long."""
+    for value in vars(driver).values():
+        if isinstance(value, socket.socket) and value.type == socket.SOCK_STREAM:
+            value.settimeout(_SEND_TIMEOUT_S)
+            return value
+    return None
+
+
+def _ended(stream: socket.socket) -> bool:
+    """Tell whether the other side has closed; takes nothing from the stream."""
+    return bool(select.select([stream], [], [], 0)[0]) and stream.recv(1, socket.MSG_PEEK) == b""
+
+
+def _is_full(error: Exception) -> bool:
+    code = getattr(error, "error_code", None) or getattr(error, "errno", None)
+    return code == errno.ENOBUFS or "Transmit buffer full" in str(error)
+
+
+def _line(error: Exception) -> str:
+    """Return an error's first line, short."""
+    text = getattr(error, "strerror", None) or str(error) or type(error).__name__
+    return str(text).splitlines()[0][:120]

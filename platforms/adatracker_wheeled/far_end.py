@@ -1,0 +1,98 @@
+"""Inside the far end: a base and its body in a world, stepped together on the shared clock."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections import deque
+from typing import TYPE_CHECKING
+
+from adatracker_deploy.runtime.pacer import Pacer
+from adatracker_deploy.world.rehearsal import Rehearsal
+from adatracker_wheeled.base import Base
+from adatracker_wheeled.body import WheeledBody
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from adatracker_deploy.platform import Scenario
+    from adatracker_deploy.runtime.clock import Clock
+    from adatracker_wheeled.protocol import CanFrame
+    from adatracker_wheeled.roles import Roles
+    from adatracker_wheeled.settings import SitlSettings
+
+RATE_HZ = 100.0
+"""How often the base looks at what came in and moves on."""
+LONGEST_STEP_S = 0.05
+"""A process that was kept from running for longer skips the time instead of rushing through it."""
+LINGER_S = 10.0
+"""After its lifeline has ended the base has so long, in machine time, to come to rest."""
+_MOST_UNREAD = 2000
+"""Frames kept between two looks: a flood loses the oldest, and a bus carries no more than 80 in that time."""
+_REST = 1e-3
+"""m/s and rad/s."""
+
+
+class FarEnd:
+    """One base with its power on, in one world.
+
+    Args:
+        roles: its messages.
+        settings: of the simulated base.
+        scenario: the world, and the seed of all that is random.
+        clock: the run's.
+
+    Raises:
+        UsageError: the roles do not fit the DBC, or there is no such scene.
+    """
+
+    def __init__(
+        self,
+        roles: Roles,
+        settings: SitlSettings,
+        scenario: Scenario,
+        clock: Clock,
+    ) -> None:
+        self.base = Base(roles, settings, clock.speed)
+        self.body = WheeledBody(settings, roles)
+        fov_rad = math.radians(settings.camera.fov_deg)
+        self.rehearsal = Rehearsal(scenario, self.body, fov_rad)
+        self._clock = clock
+        self._unread: deque[CanFrame] = deque(maxlen=_MOST_UNREAD)
+
+    def hear(self, frame: CanFrame) -> None:
+        """Take a frame from the bus; from any thread."""
+        self._unread.append(frame)
+
+    def serve(self, send: Callable[[CanFrame], object], ended: threading.Event) -> None:
+        """Run until `ended` is set and the base rests, or `LINGER_S` after that.
+
+        Args:
+            send: puts one frame on the base's bus.
+            ended: the lifeline has.
+        """
+        pacer = Pacer(self._clock, RATE_HZ)
+        last_ns = power_on_ns = self._clock.now_ns()
+        give_up_s = math.inf
+        while True:
+            now_ns = pacer.wait().t_ns
+            dt_s, last_ns = min((now_ns - last_ns) / 1e9, LONGEST_STEP_S), now_ns
+            for frame in self._advance((now_ns - power_on_ns) / 1e9, dt_s):
+                send(frame)
+            if ended.is_set():
+                give_up_s = min(give_up_s, time.monotonic() + LINGER_S)
+                if self._at_rest or time.monotonic() > give_up_s:
+                    return
+
+    def _advance(self, now_s: float, dt_s: float) -> tuple[CanFrame, ...]:
+        """Hear, move and tell."""
+        while self._unread:
+            self.base.receive(self._unread.popleft(), now_s)
+        self.rehearsal.step(self.base.demand(now_s), dt_s)
+        return self.base.transmit(self.body.measured, self.body.wheels_m, now_s)
+
+    @property
+    def _at_rest(self) -> bool:
+        motion = self.body.measured
+        return abs(motion.vx) < _REST and abs(motion.yaw_rate) < _REST

@@ -1,0 +1,141 @@
+"""What was heard of the base, and whether it may be driven on: pure, time comes in as an argument."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from adatracker_wheeled.dead_reckoning import DeadReckoning
+from adatracker_wheeled.protocol import Malformed
+
+if TYPE_CHECKING:
+    from adatracker_deploy.geometry import Pose
+    from adatracker_deploy.platform import Twist
+    from adatracker_wheeled.codec import Codec
+    from adatracker_wheeled.protocol import BaseStatus, CanFrame
+    from adatracker_wheeled.roles import Roles, Timing
+
+_MOST_IDS = 64
+"""Of strangers' frames, remembered to explain why a base is not understood."""
+_V1_STATE, _V2_STATE = 0x151, 0x211
+"""The state frames of AgileX's two protocols."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Heard:
+    """What the base said last; times are the run's clock at receipt, ns, 0 before the first message."""
+
+    status: BaseStatus | None = None
+    status_t_ns: int = 0
+    """Of the last state that was news: where the base counts its states, a repeated one is none."""
+    motion: Twist | None = None
+    motion_t_ns: int = 0
+    pose: Pose | None = None
+    """By dead reckoning, from where the base stood when it was first heard."""
+    battery: float | None = None
+
+
+class Ear:
+    """Turns frames into a snapshot, from one thread; others only read `heard`."""
+
+    def __init__(self, codec: Codec, roles: Roles) -> None:
+        self.heard = Heard()
+        self.malformed = 0
+        """Frames of the base's that could not be believed; they changed nothing."""
+        self.strangers: set[int] = set()
+        """Ids that no role names, the first few."""
+        self._codec = codec
+        self._by_wheels = bool(roles.odometry) and roles.wheels is not None
+        self._reckoning = DeadReckoning(
+            track_m=roles.wheels.track_m if roles.wheels else None, wrap_m=codec.wheel_wrap_m
+        )
+
+    def forget(self) -> None:
+        """Begin anew after a lost bus; the pose stays where it was."""
+        self.heard = Heard(pose=self.heard.pose)
+
+    def receive(self, frame: CanFrame, now_ns: int) -> None:
+        """Take in one frame, received at `now_ns`."""
+        try:
+            reading = self._codec.parse(frame)
+        except Malformed:
+            self.malformed += 1
+            return
+        if reading is None:
+            if len(self.strangers) < _MOST_IDS:
+                self.strangers.add(frame.id)
+            return
+        heard = self.heard
+        if reading.status is not None and not _repeated(heard.status, reading.status):
+            heard = replace(heard, status=reading.status, status_t_ns=now_ns)
+        if reading.motion is not None:
+            heard = replace(heard, motion=reading.motion, motion_t_ns=now_ns)
+            if not self._by_wheels:
+                self._reckoning = self._reckoning.moved(reading.motion, now_ns)
+                heard = replace(heard, pose=self._reckoning.pose)
+        if reading.wheels_m is not None and self._by_wheels:
+            self._reckoning = self._reckoning.rolled(reading.wheels_m, now_ns)
+            heard = replace(heard, pose=self._reckoning.pose)
+        if reading.battery is not None:
+            heard = replace(heard, battery=reading.battery)
+        self.heard = heard
+
+    def explain_silence(self) -> str:
+        """Say what there is to say about a base whose state is not heard."""
+        if _V1_STATE in self.strangers:
+            return "it speaks AgileX protocol v1 (0x151 on the bus): use a v1 profile, such as scout_v1"
+        if _V2_STATE in self.strangers:
+            return "it speaks AgileX protocol v2 (0x211 on the bus): use its v2 profile, such as scout"
+        if self.malformed:
+            return f"{self.malformed} of its frames were malformed: check roles.dbc and roles.checksum"
+        if self.strangers:
+            ids = ", ".join(f"{number:#x}" for number in sorted(self.strangers)[:6])
+            return f"only frames that no role names came ({ids}): check roles against the base's manual"
+        return "no frame came at all: switch the base on, check cable, termination and bit rate"
+
+
+def _repeated(before: BaseStatus | None, now: BaseStatus) -> bool:
+    return before is not None and now.count is not None and before.count == now.count
+
+
+@dataclass(frozen=True, slots=True)
+class Trouble:
+    """Why the base must not be driven on."""
+
+    reason: str
+    taken: bool = False
+    """Somebody else has the base: it is left to them."""
+
+
+def unfit(status: BaseStatus) -> Trouble | None:
+    """Return what in the base's own report forbids to drive it in any mode."""
+    if status.mode == "remote":
+        return Trouble("the base is under remote control", taken=True)
+    if status.emergency_stop:
+        return Trouble("the base's emergency stop is pressed")
+    if status.fault:
+        return Trouble(f"the base reports: {status.fault}")
+    return None
+
+
+def trouble(heard: Heard, timing: Timing, now_ns: int, speed: float) -> Trouble | None:
+    """Judge at `now_ns` whether a base that is driven may be driven on; ages are in machine time.
+
+    Args:
+        heard: of the base.
+        timing: the profile's.
+        now_ns: the run's clock.
+        speed: its seconds per second of the machine's.
+    """
+    status = heard.status
+    state_age_s = (now_ns - heard.status_t_ns) / 1e9 / speed
+    if status is None or state_age_s > timing.state_timeout_s:
+        return Trouble(f"no new state from the base for {state_age_s:.2f} s")
+    if found := unfit(status):
+        return found
+    if status.mode != "ours":
+        return Trouble(f"the base went to {status.mode_name} by itself or by somebody else", taken=True)
+    motion_age_s = (now_ns - heard.motion_t_ns) / 1e9 / speed
+    if motion_age_s > timing.feedback_timeout_s:
+        return Trouble(f"no measured motion from the base for {motion_age_s:.2f} s")
+    return None

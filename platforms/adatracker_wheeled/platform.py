@@ -1,0 +1,320 @@
+"""The wheeled base's adapter: velocity commands over a CAN bus, as the profile's roles say them.
+
+What blocks (connecting, enabling, coming to rest) takes turns behind one lock. What must not wait (a stop, a
+command, a takeover) goes through the `Helm`, so that a stop from another thread ends an engage at once.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.platform import ZERO, Body, Check, Platform, PlatformState, Sitl, Twist
+from adatracker_wheeled.connection import Connection
+from adatracker_wheeled.hearing import Heard, Trouble, unfit
+from adatracker_wheeled.helm import Helm
+from adatracker_wheeled.preflight import (
+    battery_check,
+    frames_check,
+    queue_check,
+    status_checks,
+    timeout_check,
+)
+from adatracker_wheeled.settings import SitlSettings
+from adatracker_wheeled.transmitter import ZEROS
+from adatracker_wheeled.wire import Wire
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from adatracker_deploy.profile import Profile
+    from adatracker_deploy.runtime.clock import Clock
+
+_TICK_NS = 20_000_000
+_REST_TIMEOUT_S = 3.0
+_REST_M_S, _REST_RAD_S = 0.05, 0.1
+"""Measured motion below both is rest."""
+
+
+class WheeledPlatform(Platform):
+    """A base behind a CAN bus.
+
+    After a takeover (by remote control, or into a mode that nobody here asked for) the base is whoever's took
+    it: neither `hold` nor `disengage` nor `close` sends it a frame, until an explicit `engage`.
+    """
+
+    name = "wheeled"
+    axes = frozenset({"vx", "yaw_rate"})
+    Connection = Connection
+    SitlSettings = SitlSettings
+    default_profile = "scout"
+
+    def __init__(self, profile: Profile, clock: Clock) -> None:
+        super().__init__(profile, clock)
+        self._connection: Connection = profile.connection
+        self._timing = self._connection.roles.timing
+        self._helm = Helm()
+        self._turn = threading.Lock()
+        self._closing = False
+        self._sent_ns = 0
+
+    def connect(self) -> None:
+        """Open the bus and wait for the base's state; sends nothing.
+
+        Raises:
+            UsageError: the roles do not fit the DBC, or the connection's settings cannot work.
+            PlatformError: the bus cannot be opened, or no state is heard within `silence_timeout_s`.
+        """
+        with self._turn:
+            if self._helm.wire is not None:
+                return
+            wire = Wire(self._connection, self.profile.limits, self.clock, self._watch)
+            try:
+                self._hear_state(wire)
+            except PlatformError:
+                wire.close()
+                raise
+            self._helm.wire = wire
+
+    def preflight(self) -> tuple[Check, ...]:
+        """Wait for a first motion and charge, then judge what the base says of itself."""
+        with self._turn:
+            wire = self._connected()
+            self._wait(wire, lambda heard: heard.motion_t_ns > 0, self._timing.feedback_timeout_s)
+            if self._connection.roles.battery and self._connection.min_battery:
+                self._wait(wire, lambda heard: heard.battery is not None, 1.5 * self._timing.battery_period_s)
+            return (
+                *status_checks(wire.heard, self._timing, self.clock.now_ns(), self.clock.speed),
+                battery_check(wire.heard.battery, self._connection.min_battery),
+                timeout_check(self._timing),
+                frames_check(wire.ear.malformed),
+                *self._queue_checks(),
+            )
+
+    def engage(self) -> None:
+        """Zeros, then command mode; return when the base says that it obeys. Clears no error by itself.
+
+        Opens the bus anew if it was lost.
+
+        Raises:
+            PlatformError: the base is not fit or does not obey, or somebody called `hold`, `disengage` or
+                `close` meanwhile.
+        """
+        with self._turn:
+            wire = self._connected()
+            if self._helm.engaged:
+                return
+            self._helm.give_consent()
+            try:
+                if wire.lost:
+                    wire.reopen()
+                    self._hear_state(wire)
+                self._enable(wire)
+            except PlatformError as error:
+                self._helm.withdraw(str(error))
+                raise
+
+    def send(self, command: Twist, now_ns: int) -> Twist:
+        """Let one velocity go out; return what its frames really say, clipped and rounded.
+
+        Raises:
+            PlatformError: the command is not finite, the base is not engaged, or it must not be driven on.
+        """
+        if not command.is_finite():
+            raise PlatformError(f"refused to send {command}: not finite")
+        wire = self._connected()
+        with self._helm.lock:
+            self._helm.heed(self._found(wire, now_ns) if self._helm.engaged else None)
+            if not self._helm.engaged:
+                raise PlatformError(f"not engaged: {self._helm.stopped or 'engage first'}")
+            said = wire.command(command, now_ns)
+            self._sent_ns = now_ns
+            return said
+
+    def state(self) -> PlatformState:
+        """Return what the base said last; its pose is from where it was first heard, by its own wheels."""
+        wire = self._helm.wire
+        heard = wire.heard if wire is not None else Heard()
+        return PlatformState(
+            t_ns=max(heard.status_t_ns, heard.motion_t_ns),
+            mode=heard.status.mode_name if heard.status else "",
+            engaged=self._helm.engaged,
+            pose=heard.pose,
+            velocity=heard.motion,
+            battery=heard.battery,
+            stopped=self._helm.stopped,
+        )
+
+    def hold(self, reason: str) -> None:
+        """Say zero three times, then nothing until an explicit `engage`; the base stays enabled."""
+        self._helm.withdraw(reason)
+        wire = self._helm.wire
+        if wire is not None:
+            wire.finish()
+
+    def disengage(self) -> None:
+        """Zeros, then standby; return when the base stands.
+
+        Raises:
+            PlatformError: the bus is lost, or the base was not seen to stand within 3 s.
+        """
+        self._helm.withdraw()
+        with self._turn:
+            wire = self._helm.wire
+            if wire is None or not self._helm.in_charge:
+                return
+            asked_ns = self.clock.now_ns()
+            self._disable(wire)
+
+            def stands(heard: Heard) -> bool:
+                return heard.motion_t_ns > asked_ns and _at_rest(heard.motion)
+
+            if not self._wait(wire, stands, _REST_TIMEOUT_S, self._refuse_when_closing):
+                raise PlatformError(
+                    f"the base was not seen to stand {_REST_TIMEOUT_S:g} s after the stop: "
+                    "press its emergency stop"
+                )
+
+    def close(self) -> None:
+        """Release the bus; a base that was left enabled is stopped and disabled first."""
+        self._helm.withdraw()
+        self._closing = True
+        with self._turn:
+            wire = self._helm.wire
+            if wire is not None:
+                if self._helm.in_charge:
+                    with contextlib.suppress(PlatformError):  # the base's own time-out is the last resort
+                        self._disable(wire)
+                self._helm.wire = None
+                wire.close()
+            self._closing = False
+
+    @classmethod
+    def body(cls, profile: Profile) -> Body:
+        """Return the base's dynamics."""
+        from adatracker_wheeled.body import WheeledBody
+
+        return WheeledBody(profile.sitl, profile.connection.roles)
+
+    @classmethod
+    def sitl(cls, profile: Profile) -> Sitl:
+        """Return a simulated base behind a socketcand, in a process of its own; needs the sitl extra."""
+        from adatracker_wheeled.sitl import WheeledSitl
+
+        return WheeledSitl(profile)
+
+    def _watch(self) -> None:
+        """Stop for trouble as soon as it is heard, from the receive thread."""
+        with self._helm.lock:
+            wire = self._helm.wire
+            if wire is not None and self._helm.engaged:
+                self._helm.heed(wire.trouble(self.clock.now_ns()))
+
+    def _found(self, wire: Wire, now_ns: int) -> Trouble | None:
+        """Judge the base, and whoever sends: a base that has stopped by itself is not set going again."""
+        silent_s = (now_ns - self._sent_ns) / 1e9 / self.clock.speed if self._sent_ns else 0.0
+        if silent_s > self._timing.base_timeout_s:
+            return Trouble(f"no command for {silent_s:.2f} s: the base has stopped by itself")
+        return wire.trouble(now_ns)
+
+    def _hear_state(self, wire: Wire) -> None:
+        """Wait for the first state on a bus that was just opened."""
+        timeout_s = self._connection.silence_timeout_s
+        if not self._wait(wire, lambda heard: heard.status is not None, timeout_s, self._refuse_when_closing):
+            raise PlatformError(
+                f"no state from the base within {timeout_s:g} s: {wire.lost or wire.ear.explain_silence()}"
+            )
+
+    def _enable(self, wire: Wire) -> None:
+        """Bring a base that is fit into command mode, at zero speed."""
+
+        def still() -> None:
+            with self._helm.lock:
+                self._refuse_unfit(wire)
+                self._helm.require_consent()
+                wire.command(ZERO, self.clock.now_ns())
+
+        begun_ns = self.clock.now_ns()
+        self._wait(
+            wire,
+            lambda heard: heard.status_t_ns > begun_ns,
+            self._timing.state_timeout_s,
+            self._helm.require_consent,
+        )
+        self._refuse_unfit(wire)
+        self._helm.take_charge()
+        for _ in range(ZEROS):
+            still()
+            self.clock.sleep_until(self.clock.now_ns() + _TICK_NS)
+        asked_ns = self.clock.now_ns()
+        with self._helm.lock:
+            self._helm.require_consent()
+            wire.say((*wire.codec.enable(), *wire.codec.release_brake()))
+
+        def obeys(heard: Heard) -> bool:
+            return heard.status_t_ns > asked_ns and wire.trouble(self.clock.now_ns()) is None
+
+        if not self._wait(wire, obeys, self._connection.engage_timeout_s, still):
+            found = wire.trouble(self.clock.now_ns())
+            raise PlatformError(
+                f"the base did not obey within {self._connection.engage_timeout_s:g} s: "
+                f"{found.reason if found else 'it said nothing new'}"
+            )
+        self._sent_ns = 0
+        self._helm.engage()
+
+    def _refuse_unfit(self, wire: Wire) -> None:
+        found = unfit(wire.heard.status) if wire.heard.status else None
+        self._helm.heed(found)
+        if found is not None:
+            raise PlatformError(found.reason)
+
+    def _disable(self, wire: Wire) -> None:
+        """Let the zeros out, then give the base back; at the end it is in nobody's charge."""
+        wire.finish()
+        with self._helm.lock:
+            mine, self._helm.in_charge = self._helm.in_charge, False
+            if mine:  # nobody has taken it meanwhile
+                wire.say(wire.codec.disable())
+
+    def _queue_checks(self) -> tuple[Check, ...]:
+        length = Path("/sys/class/net", self._connection.channel, "tx_queue_len")
+        if self._connection.interface != "socketcan" or not length.is_file():
+            return ()
+        return (queue_check(self._connection.channel, int(length.read_text(encoding="ascii"))),)
+
+    def _connected(self) -> Wire:
+        if self._helm.wire is None:
+            raise PlatformError("the base is not connected: connect first")
+        return self._helm.wire
+
+    def _refuse_when_closing(self) -> None:
+        if self._closing:
+            raise PlatformError("the connection is being closed")
+
+    def _wait(
+        self,
+        wire: Wire,
+        condition: Callable[[Heard], bool],
+        timeout_s: float,
+        meanwhile: Callable[[], None] = lambda: None,
+    ) -> bool:
+        """Do something at 50 Hz until the base meets `condition`; return whether it did in time.
+
+        The time-out is in machine time: a base is no more patient in a fast rehearsal.
+        """
+        deadline_ns = self.clock.now_ns() + round(timeout_s * self.clock.speed * 1e9)
+        while not condition(wire.heard):
+            meanwhile()
+            now_ns = self.clock.now_ns()
+            if wire.lost or now_ns > deadline_ns:
+                return False
+            self.clock.sleep_until(now_ns + _TICK_NS)
+        return True
+
+
+def _at_rest(motion: Twist | None) -> bool:
+    return motion is not None and abs(motion.vx) < _REST_M_S and abs(motion.yaw_rate) < _REST_RAD_S

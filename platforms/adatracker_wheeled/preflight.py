@@ -1,0 +1,92 @@
+"""What must hold before a base is enabled, judged from what was heard of it. Pure."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from adatracker_deploy.platform import Check
+
+if TYPE_CHECKING:
+    from adatracker_wheeled.hearing import Heard
+    from adatracker_wheeled.roles import Timing
+
+LONGEST_QUEUE = 10
+"""Frames that the kernel may keep for a stalled bus; on recovery they all go out, however old."""
+
+
+def status_checks(heard: Heard, timing: Timing, now_ns: int, speed: float) -> tuple[Check, ...]:
+    """Judge the base's own report; ages are in machine time, `speed` is the clock's."""
+    status = heard.status
+    age_s = (now_ns - heard.status_t_ns) / 1e9 / speed
+    if status is None or age_s > timing.state_timeout_s:
+        return (Check("state", False, f"no new state for {age_s:.1f} s: is the base still on?"),)
+    pressed, driven = status.emergency_stop, status.mode == "remote"
+    motion_age_s = (now_ns - heard.motion_t_ns) / 1e9 / speed
+    alive = motion_age_s <= timing.feedback_timeout_s
+    return (
+        Check("state", True, f"{status.mode_name}{_volts(status.volts)}"),
+        Check(
+            "emergency stop",
+            not pressed,
+            "pressed: release it where the base stands" if pressed else "released",
+        ),
+        Check(
+            "faults",
+            not status.fault,
+            f"the base reports: {status.fault}; mend it and clear its errors" if status.fault else "none",
+        ),
+        Check(
+            "remote control",
+            not driven,
+            "somebody drives: switch the transmitter to command mode" if driven else "does not drive",
+        ),
+        Check(
+            "feedback",
+            alive,
+            f"measured motion comes, wanted every {timing.feedback_period_s * 1e3:g} ms"
+            if alive
+            else "no measured motion: check the feedback role against the base's manual",
+        ),
+    )
+
+
+def battery_check(battery: float | None, needed: float) -> Check:
+    """Judge the charge."""
+    charge = "an unknown charge" if battery is None else f"{battery:.0%}"
+    ok = needed == 0 or (battery or 0.0) >= needed
+    return Check("battery", ok, f"{charge} left, {needed:.0%} needed to drive")
+
+
+def timeout_check(timing: Timing) -> Check:
+    """Say what nobody can ask over CAN: that the base stops by itself."""
+    return Check(
+        "command time-out",
+        True,
+        f"the profile says that the base stops {timing.base_timeout_s:g} s after the last command; "
+        "CAN cannot tell, so prove it once with the wheels off the ground",
+    )
+
+
+def frames_check(malformed: int) -> Check:
+    """Warn of frames that could not be believed."""
+    return Check(
+        "frames",
+        not malformed,
+        f"{malformed} malformed frames were dropped: check the cable and roles.dbc" if malformed else "whole",
+        blocking=False,
+    )
+
+
+def queue_check(channel: str, length: int) -> Check:
+    """Warn of a kernel that would keep old commands for a stalled bus."""
+    return Check(
+        "transmit queue",
+        length <= LONGEST_QUEUE,
+        f"{length} frames"
+        + ("" if length <= LONGEST_QUEUE else f": sudo ip link set {channel} txqueuelen {LONGEST_QUEUE}"),
+        blocking=False,
+    )
+
+
+def _volts(volts: float | None) -> str:
+    return "" if volts is None else f", {volts:.1f} V"

@@ -1,0 +1,183 @@
+"""The simulated far end: a base in a world behind a socketcand, in a process of its own.
+
+``WheeledSitl`` starts it for a rehearsal. By hand, for a script or another tool of one's own::
+
+    python -m adatracker_wheeled.sitl --profile scout --port 28700
+    python -m adatracker_wheeled.sitl --profile scout --interface socketcan --channel vcan0
+
+`injection` tells how to make things go wrong while it runs; any browser shows its camera.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import dataclasses
+import importlib.util
+import json
+import sys
+from typing import TYPE_CHECKING
+
+from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.far_end import (
+    FarEndProcess,
+    add_arguments,
+    announce,
+    far_end_clock,
+    lifeline,
+    refuse,
+)
+from adatracker_deploy.platform import Scenario, Sitl
+from adatracker_deploy.profile import load_profile
+from adatracker_deploy.schema import parse
+from adatracker_wheeled.connection import Connection
+from adatracker_wheeled.settings import SitlSettings
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from adatracker_deploy.profile import Profile
+    from adatracker_deploy.runtime.clock import Clock
+    from adatracker_wheeled.far_end import FarEnd
+    from adatracker_wheeled.protocol import CanFrame
+
+STOP_TIMEOUT_S = 15.0
+"""The far end gives up on coming to rest a little sooner by itself (`far_end.LINGER_S`)."""
+CHANNEL = "can0"
+"""The bus's name behind the simulated socketcand; it takes any."""
+
+
+class WheeledSitl(Sitl):
+    """Starts the far end on free ports."""
+
+    def __init__(self, profile: Profile) -> None:
+        self._profile = profile
+        self._process = FarEndProcess("adatracker_wheeled.sitl", "simulated base", STOP_TIMEOUT_S)
+
+    @property
+    def pid(self) -> int | None:
+        """The far end's process id; None while there is none."""
+        return self._process.pid
+
+    def start(self, clock: Clock, scenario: Scenario) -> Profile:
+        """Start the far end and wait until it is up; its camera shows its own world.
+
+        Raises:
+            UsageError: the profile cannot be simulated, or the sitl extra is missing.
+            PlatformError: the process did not come up.
+        """
+        _require_libraries()
+        profile = self._profile
+        ready = self._process.start(
+            clock,
+            [
+                *("--connection", json.dumps(dataclasses.asdict(profile.connection))),
+                *("--settings", json.dumps(dataclasses.asdict(profile.sitl))),
+                *("--camera-rate-hz", str(profile.camera.rate_hz)),
+                *("--scene", scenario.scene, "--seed", str(scenario.seed)),
+                *("--target-speed", str(scenario.target_speed_m_s)),
+            ],
+        )
+        connection = dataclasses.replace(
+            profile.connection, interface="socketcand", channel=CHANNEL, host="127.0.0.1", port=ready["port"]
+        )
+        camera = dataclasses.replace(profile.camera, uri=ready["camera"])
+        return dataclasses.replace(profile, connection=connection, camera=camera)
+
+    def close(self) -> None:
+        """End the lifeline and wait until the base stands: by its link's stop, or by its own time-out."""
+        self._process.close()
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the far end until it is told to end; return the exit status."""
+    args = _arguments().parse_args(argv)
+    try:
+        _require_libraries()
+        return _run(args)
+    except (UsageError, PlatformError, json.JSONDecodeError) as error:
+        return refuse(error)
+
+
+def _run(args: argparse.Namespace) -> int:
+    from adatracker_deploy.world.mjpeg_server import MjpegServer
+    from adatracker_deploy.world.rehearsal import film
+    from adatracker_wheeled.far_end import FarEnd
+
+    connection, settings, rate_hz = _described(args)
+    clock = far_end_clock(args)
+    scenario = Scenario(scene=args.scene, target_speed_m_s=args.target_speed, seed=args.seed)
+    ended = lifeline(args)
+    with contextlib.ExitStack() as stack:
+        far_end = FarEnd(connection.roles, settings, scenario, clock)
+        send, port = _bus(args, connection, far_end, stack)
+        server = MjpegServer(args.camera_port)
+        stack.callback(server.close)
+        server.on_go(far_end.rehearsal.go)
+        film(far_end.rehearsal, clock, rate_hz, server.publish, ended)
+        announce(port=port, camera=server.url)
+        stack.enter_context(contextlib.suppress(KeyboardInterrupt))
+        far_end.serve(send, ended)
+    return 0
+
+
+def _described(args: argparse.Namespace) -> tuple[Connection, SitlSettings, float]:
+    """Return the base by its two sections, or by the profile that was named."""
+    if args.connection is None or args.settings is None:
+        profile = load_profile(args.profile)
+        return profile.connection, profile.sitl, args.camera_rate_hz or profile.camera.rate_hz
+    return (
+        parse(Connection, json.loads(args.connection), where="connection"),
+        parse(SitlSettings, json.loads(args.settings), where="sitl"),
+        args.camera_rate_hz,
+    )
+
+
+def _bus(
+    args: argparse.Namespace, connection: Connection, far_end: FarEnd, stack: contextlib.ExitStack
+) -> tuple[Callable[[CanFrame], object], int]:
+    """Return how the base puts frames on its bus, and the TCP port of that bus, if it has one."""
+    if args.interface:
+        from adatracker_wheeled.bus import Bus
+
+        on_it = dataclasses.replace(connection, interface=args.interface, channel=args.channel)
+        bus = Bus.open(on_it, lambda frame: far_end.hear(frame) if frame else None)
+        stack.callback(bus.close)
+        return bus.send, 0
+    from adatracker_wheeled.socketcand import SocketcandServer
+
+    try:
+        server = SocketcandServer(args.port, far_end.hear)
+    except OSError as error:
+        raise UsageError(f"TCP port {args.port}: {error.strerror}; give another with --port") from error
+    stack.callback(server.close)
+    return server.send, server.port
+
+
+def _require_libraries() -> None:
+    if importlib.util.find_spec("mujoco") is None:
+        raise UsageError("a simulated base needs mujoco: pip install 'adatracker-deploy[sitl]'")
+
+
+def _arguments() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m adatracker_wheeled.sitl", description="A simulated wheeled base."
+    )
+    parser.add_argument("--profile", default="scout", help="the base: a name or a file")
+    parser.add_argument("--port", type=int, default=0, help="of its socketcand; 0 takes any free one")
+    parser.add_argument(
+        "--interface", default="", help="put it on a bus of python-can's instead: socketcan ..."
+    )
+    parser.add_argument("--channel", default="vcan0", help="of that bus")
+    parser.add_argument("--camera-port", type=int, default=0, help="of its camera's stream")
+    parser.add_argument("--camera-rate-hz", type=float, default=None, help="default: the profile's")
+    parser.add_argument("--scene", default=Scenario().scene)
+    parser.add_argument("--target-speed", type=float, default=Scenario().target_speed_m_s, help="m/s")
+    parser.add_argument("--connection", help="the profile's connection: section, as JSON")
+    parser.add_argument("--settings", help="the profile's sitl: section, as JSON")
+    add_arguments(parser)
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

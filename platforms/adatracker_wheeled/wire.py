@@ -1,0 +1,139 @@
+"""A base at the end of its bus: what it said, and what it is told, as values.
+
+The receive thread hears, the transmit thread tells; both belong to the wire and end with it.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from adatracker_deploy.errors import PlatformError
+from adatracker_wheeled.bus import Bus
+from adatracker_wheeled.codec import Codec
+from adatracker_wheeled.hearing import Ear, Heard, Trouble, trouble
+from adatracker_wheeled.transmitter import Transmitter
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from adatracker_deploy.platform import Limits, Twist
+    from adatracker_deploy.runtime.clock import Clock
+    from adatracker_wheeled.connection import Connection
+    from adatracker_wheeled.protocol import CanFrame
+
+_LAST_WORDS_S = 0.2
+"""Three zeros 20 ms apart, with room."""
+
+
+class Wire:
+    """One base.
+
+    Args:
+        connection: the profile's.
+        limits: the profile's; a command lives for its `command_timeout_s`.
+        clock: the run's.
+        on_news: called in the receive thread with each frame and at every silence; must return at once.
+
+    Raises:
+        UsageError: the roles do not fit the DBC, or the connection's settings cannot work.
+        PlatformError: the bus cannot be opened.
+    """
+
+    def __init__(
+        self, connection: Connection, limits: Limits, clock: Clock, on_news: Callable[[], None]
+    ) -> None:
+        self.codec = Codec(connection.roles)
+        self.codec.check_limits(limits)
+        self.ear = Ear(self.codec, connection.roles)
+        self._connection = connection
+        self._timing = connection.roles.timing
+        self._clock = clock
+        self._on_news = on_news
+        self._count = 0
+        self._bus = Bus.open(connection, self._hear)
+        self.transmitter = Transmitter(
+            self._put, clock, self._timing.command_period_s, limits.command_timeout_s * clock.speed
+        )
+
+    @property
+    def heard(self) -> Heard:
+        """What the base said last."""
+        return self.ear.heard
+
+    @property
+    def lost(self) -> str:
+        """Why the bus is lost; empty while it works."""
+        return self._bus.lost
+
+    @property
+    def dropped(self) -> int:
+        """Frames that the bus did not take."""
+        return self._bus.dropped
+
+    def trouble(self, now_ns: int) -> Trouble | None:
+        """Judge whether a base that is driven may be driven on."""
+        if self._bus.lost:
+            return Trouble(self._bus.lost)
+        return trouble(self.heard, self._timing, now_ns, self._clock.speed)
+
+    def command(self, twist: Twist, now_ns: int) -> Twist:
+        """Let a velocity made at `now_ns` go out; return the one that its frames really say.
+
+        Raises:
+            PlatformError: it is not finite, or no velocity for a base; nothing is sent.
+        """
+        said, _ = self.codec.command(twist)
+        self.transmitter.send(twist, min(now_ns, self._clock.now_ns()))  # none lives on from the future
+        return said
+
+    def say(self, frames: tuple[CanFrame, ...]) -> None:
+        """Send a request now.
+
+        Raises:
+            PlatformError: the bus is lost, or did not take it.
+        """
+        for frame in frames:
+            if not self._bus.send(frame):
+                raise PlatformError(
+                    "the CAN bus takes no frame: is the base on, the cable in, the bit rate right?"
+                )
+
+    def stop(self) -> None:
+        """Say zero three times, then nothing."""
+        self.transmitter.stop()
+
+    def mute(self) -> None:
+        """Say nothing more, at once."""
+        self.transmitter.mute()
+
+    def finish(self) -> None:
+        """Wait until a stop has been said."""
+        self.transmitter.wait_until_silent(_LAST_WORDS_S)
+
+    def reopen(self) -> None:
+        """Open the bus anew after it was lost; what was heard before counts no more.
+
+        Raises:
+            UsageError, PlatformError: as when it was opened first.
+        """
+        self.transmitter.mute()
+        self._bus.close()
+        self.ear.forget()
+        self._bus = Bus.open(self._connection, self._hear)
+
+    def close(self) -> None:
+        """End both threads and release the device."""
+        self.transmitter.close()
+        self._bus.close()
+
+    def _hear(self, frame: CanFrame | None) -> None:
+        if frame is not None:
+            self.ear.receive(frame, self._clock.now_ns())
+        self._on_news()
+
+    def _put(self, twist: Twist) -> None:
+        """Put one command on the bus, from the transmit thread; a full bus drops it."""
+        _, frames = self.codec.command(twist, self._count)
+        self._count += 1
+        for frame in frames:
+            self._bus.send(frame)
