@@ -6,39 +6,36 @@ it is one; then, and only then, each image is paired with the truth of the same 
 
 from __future__ import annotations
 
-import time
-from collections import deque
+import contextlib
 from typing import TYPE_CHECKING
 
+import zenoh
+
 from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.messages import Frame
-from adatracker_deploy.perception.camera import OPEN_TIMEOUT_S
+from adatracker_deploy.perception.live import LiveCamera, Picture
 from adatracker_quadruped.camera_topic import with_camera
 from adatracker_quadruped.image import decode_rgb
 from adatracker_quadruped.keys import Keys
-from adatracker_quadruped.messages import CompressedImage, Malformed, decode_compressed_image
+from adatracker_quadruped.messages import decode_compressed_image
 from adatracker_quadruped.protocol import IMAGE_CAP_BYTES
 from adatracker_quadruped.session import open_session
-from adatracker_quadruped.sitl_keys import TRUTH_CAP_BYTES, SitlKeys, StampedTruth, decode_stamped_truth
-from adatracker_quadruped.tap import Tap
+from adatracker_quadruped.sitl_keys import SitlKeys, stamp_of, truth_of
 from adatracker_quadruped.watch import fresh
 
 if TYPE_CHECKING:
-    import zenoh
+    from collections.abc import Generator
 
-    from adatracker_deploy.messages import Truth
+    from adatracker_deploy.messages import Frame, Truth
     from adatracker_deploy.profile import Profile
     from adatracker_deploy.runtime.clock import Clock
 
-SILENCE_S = 2.0
-"""Machine time without a new image after which the camera is gone."""
+_TOKEN_TIMEOUT_S = 1.0
 _TRUTHS_KEPT = 8
-"""An image that is being decoded is at most so many behind."""
-_POLL_S = 0.005
+"""The truth of an image is put before it, so that only images which are skipped leave theirs behind."""
 
 
-class ZenohCamera:
-    """A `Camera` on the topic after ``robot://``; a frame's time is that of its reception.
+class ZenohCamera(LiveCamera):
+    """Reads the topic after ``robot://``; a frame's time is that of its reception.
 
     The robot's clock and this machine's need not agree, so the time on the way is not known; on one machine
     it is below a millisecond for a JPEG of 40 kB.
@@ -47,110 +44,85 @@ class ZenohCamera:
     def __init__(self, profile: Profile, clock: Clock) -> None:
         self._connection = with_camera(profile)
         self._key = Keys(self._connection).camera
+        super().__init__(f"robot://{self._key}", clock)
         self._sitl_keys = SitlKeys(self._connection)
-        self._clock = clock
+        self._decode = fresh(decode_compressed_image)
         self._session: zenoh.Session | None = None
-        self._images: Tap[CompressedImage] | None = None
-        self._truths: _Truths | None = None
-        self._frame: Frame | None = None
-        self._looked_at = 0
-        """The number of the newest image that was looked into."""
-        self._undecodable = 0
-
-    def open(self) -> None:
-        """Dial the robot; return once an image has come.
-
-        Raises:
-            PlatformError: nobody answers, or no image comes within `OPEN_TIMEOUT_S`.
-            UsageError: a certificate's file is not there.
-        """
-        if self._session is not None:
-            return
-        self._session = open_session(self._connection)
-        if any(reply.ok for reply in self._session.liveliness().get(self._sitl_keys.alive, timeout=1.0)):
-            self._truths = _Truths(self._session, self._sitl_keys.truth, self._clock)
-        self._images = Tap(
-            self._session, self._key, fresh(decode_compressed_image), self._clock, IMAGE_CAP_BYTES
-        )
-        deadline_s = time.monotonic() + OPEN_TIMEOUT_S
-        while self._newest(self._images, self._clock.now_ns()) is None:
-            if time.monotonic() > deadline_s:
-                dropped = self.dropped
-                self.close()
-                raise PlatformError(
-                    f"no image came on {self._key} within {OPEN_TIMEOUT_S:g} s"
-                    + (f" ({dropped} malformed ones did)" if dropped else "")
-                    + ": start the robot's camera node, or name another topic with --camera robot://TOPIC"
-                )
-            time.sleep(_POLL_S)
+        self._rehearses = False
+        self.dropped = 0
+        """Messages that were malformed, too large, repeated or without their truth."""
 
     def read(self, now_ns: int) -> Frame | None:
-        """Return the newest image that had come by `now_ns`; None before the first.
+        """Return the newest frame that had arrived at `now_ns`.
 
         Raises:
-            PlatformError: the router is gone, or no image has come for `SILENCE_S`.
+            PlatformError: the robot does not answer any more, or its camera is silent or frozen.
         """
-        if self._session is None or self._images is None:
-            raise PlatformError(f"the camera on {self._key} is not open")
-        info = self._session.info
-        if not info.routers_zid() and not info.peers_zid():
-            raise PlatformError(f"nobody answers at {self._connection.endpoint} any more: the camera is gone")
-        frame = self._newest(self._images, now_ns)
-        if frame is not None:
-            silent_s = (self._clock.now_ns() - frame.t_ns) / 1e9 / self._clock.speed
-            if silent_s > SILENCE_S:
-                raise PlatformError(f"no new image on {self._key} for {silent_s:.1f} s: the camera is gone")
-        return frame
+        session = self._session
+        if session is not None and not session.is_closed() and not any(_neighbours(session)):
+            endpoint = self._connection.endpoint
+            raise PlatformError(f"camera {self.name}: nobody answers at {endpoint} any more")
+        return super().read(now_ns)
 
     def go(self) -> None:
-        """Let the people of a rehearsal walk; a real robot's world moves by itself."""
-        if self._session is not None and self._truths is not None:
+        """Let the people of a rehearsal walk; a real robot is not told."""
+        if self._session is not None and self._rehearses:
             self._session.put(self._sitl_keys.go, b"")
 
-    def close(self) -> None:
-        """Close the session."""
-        session, images, truths = self._session, self._images, self._truths
-        self._session = self._images = self._truths = None
-        if session is not None:
-            session.close()
-        if images is not None:
-            images.join()
-        if truths is not None:
-            truths.tap.join()
+    def _pictures(self) -> Generator[Picture, None, None]:
+        with open_session(self._connection) as session:
+            self._session = session
+            self._rehearses = any(
+                reply.ok
+                for reply in session.liveliness().get(self._sitl_keys.alive, timeout=_TOKEN_TIMEOUT_S)
+            )
+            truths = _Truths(session, self._sitl_keys.truth) if self._rehearses else None
+            images = session.declare_subscriber(self._key, zenoh.handlers.RingChannel(1))
+            while not self._ending.is_set():
+                try:
+                    sample = images.recv()
+                except zenoh.ZError:  # `_interrupt` has closed the session
+                    return
+                t_ns = self.clock.now_ns()
+                try:
+                    picture = self._picture(sample, t_ns, truths)
+                except ValueError:
+                    self.dropped += 1
+                    continue
+                yield picture
 
-    @property
-    def dropped(self) -> int:
-        """Images that were malformed, too large, repeated or undecodable."""
-        return self._undecodable + (self._images.dropped if self._images else 0)
+    def _interrupt(self) -> None:
+        if self._session is not None:
+            with contextlib.suppress(zenoh.ZError):  # it was closed before
+                self._session.close()
 
-    def _newest(self, images: Tap[CompressedImage], now_ns: int) -> Frame | None:
-        """Look into the newest image unless that was done before; return the newest good frame."""
-        reading = images.newest
-        if reading is None or reading.count == self._looked_at or reading.t_ns > now_ns:
-            return self._frame
-        image, truth = reading.value, None
-        if self._truths is not None and (truth := self._truths.of(image.stamp_ns)) is None:
-            return self._frame  # it is still on its way
-        self._looked_at = reading.count
-        try:
-            self._frame = Frame(decode_rgb(image.data), reading.t_ns, reading.count, truth)
-        except Malformed:
-            self._undecodable += 1
-        return self._frame
+    def _picture(self, sample: zenoh.Sample, t_ns: int, truths: _Truths | None) -> Picture:
+        if len(sample.payload) > IMAGE_CAP_BYTES:
+            raise ValueError(f"a message of {len(sample.payload)} bytes")
+        image = self._decode(bytes(sample.payload))
+        truth = truths.of(image.stamp_ns) if truths is not None else None
+        return Picture(decode_rgb(bytes(image.data)), t_ns, truth)
 
 
 class _Truths:
-    """The last truths of a rehearsal, by the stamps of their images."""
+    """The truths of a rehearsal that have come, by the stamps of their images."""
 
-    def __init__(self, session: zenoh.Session, key: str, clock: Clock) -> None:
-        self._kept: deque[StampedTruth] = deque(maxlen=_TRUTHS_KEPT)
-        self.tap = Tap(session, key, self._keep, clock, TRUTH_CAP_BYTES)
+    def __init__(self, session: zenoh.Session, key: str) -> None:
+        self._come = session.declare_subscriber(key, zenoh.handlers.RingChannel(_TRUTHS_KEPT))
 
-    def of(self, stamp_ns: int) -> Truth | None:
-        """Return the truth of the image with this stamp, or None."""
-        return next((kept.truth for kept in tuple(self._kept) if kept.stamp_ns == stamp_ns), None)
+    def of(self, stamp_ns: int) -> Truth:
+        """Return the truth of the image with this stamp.
 
-    def _keep(self, payload: bytes) -> StampedTruth:
-        stamped = decode_stamped_truth(payload)
-        self._kept.append(stamped)
-        return stamped
+        Raises:
+            ValueError: it has not come, or it is malformed.
+        """
+        while (sample := self._come.try_recv()) is not None:
+            payload = bytes(sample.payload)
+            if stamp_of(payload) == stamp_ns:
+                return truth_of(payload)
+        raise ValueError("an image without its truth")
+
+
+def _neighbours(session: zenoh.Session) -> list[zenoh.ZenohId]:
+    """Return whom the session is connected to."""
+    return [*session.info.routers_zid(), *session.info.peers_zid()]

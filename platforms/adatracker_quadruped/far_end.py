@@ -24,7 +24,7 @@ from adatracker_quadruped.outlet import Outlet
 from adatracker_quadruped.senses import Senses
 from adatracker_quadruped.session import zenoh_config
 from adatracker_quadruped.settings import SitlSettings
-from adatracker_quadruped.sitl_keys import Fault, SitlKeys, StampedTruth, encode_stamped_truth
+from adatracker_quadruped.sitl_keys import Fault, SitlKeys, encode_stamped_truth
 
 if TYPE_CHECKING:
     from adatracker_deploy.messages import Frame
@@ -82,9 +82,7 @@ class FarEnd:
         self._tokens = [live.declare_token(key) for key in (sitl_keys.alive, _token(connection)) if key]
         self._senses = Senses(self._session, connection, robot.sitl)
         self._images = Outlet(self._session, keys.camera, attaches=keys.attaches)
-        self._truths = self._session.declare_publisher(
-            sitl_keys.truth, express=True, priority=zenoh.Priority.REAL_TIME
-        )
+        self._truths = Outlet(self._session, sitl_keys.truth, attaches=False)
         self._intake = Intake(connection)
         self._command, self._obeyed_s = ZERO, -math.inf
         self._fault = Fault.NONE
@@ -142,17 +140,17 @@ class FarEnd:
             self._command = ZERO
 
     def _publish(self, frame: Frame) -> None:
-        """Send an image and, before it, its truth; from the camera's thread."""
+        """Send an image and, before it and in the same way, its truth; from the camera's thread."""
         if self._fault is Fault.SILENT or frame.truth is None:
             return
         if self._fault is not Fault.FROZEN_CAMERA or self._said is None:
             stamp_ns = time.time_ns()
             _, jpeg = cv2.imencode(".jpg", frame.rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
             image = CompressedImage(stamp_ns, "jpeg", memoryview(jpeg.tobytes()))
-            truth = encode_stamped_truth(StampedTruth(stamp_ns, frame.truth))
+            truth = encode_stamped_truth(stamp_ns, frame.truth)
             self._said = (encode_compressed_image(image), truth, stamp_ns)
         payload, truth, stamp_ns = self._said
-        self._truths.put(truth)
+        self._truths.put(truth, stamp_ns)
         self._images.put(payload, stamp_ns)
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import enum
 import struct
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from adatracker_deploy.perception.truth_wire import decode_truth, encode_truth
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from adatracker_deploy.messages import Truth
     from adatracker_quadruped.connection import Connection
 
-TRUTH_CAP_BYTES = 1 << 20
 _STAMP = struct.Struct("<q")
 
 
@@ -36,13 +35,6 @@ class Fault(enum.StrEnum):
     TIPPED_OVER = "tipped_over"
 
 
-class StampedTruth(NamedTuple):
-    """The truth of the image with this stamp, ns since 1970."""
-
-    stamp_ns: int
-    truth: Truth
-
-
 class SitlKeys:
     """The keys of one robot, under its namespace."""
 
@@ -54,18 +46,27 @@ class SitlKeys:
         self.fault = f"{base}/fault"
 
 
-def encode_stamped_truth(stamped: StampedTruth) -> bytes:
-    """Return the stamp, int64 little-endian, with `truth_wire` behind it."""
-    return _STAMP.pack(stamped.stamp_ns) + encode_truth(stamped.truth)
+def encode_stamped_truth(stamp_ns: int, truth: Truth) -> bytes:
+    """Return the stamp of its image, ns since 1970 as little-endian int64, with `truth_wire` behind it."""
+    return _STAMP.pack(stamp_ns) + encode_truth(truth)
 
 
-def decode_stamped_truth(payload: bytes) -> StampedTruth:
-    """Return what `encode_stamped_truth` wrote.
+def stamp_of(payload: bytes) -> int:
+    """Return the stamp of the image that a truth belongs to.
 
     Raises:
-        ValueError: it is something else.
+        ValueError: it is no stamped truth.
     """
     if len(payload) < _STAMP.size:
         raise ValueError(f"not a stamped truth: {len(payload)} bytes")
     (stamp_ns,) = _STAMP.unpack_from(payload)
-    return StampedTruth(stamp_ns, decode_truth(payload[_STAMP.size :]))
+    return int(stamp_ns)
+
+
+def truth_of(payload: bytes) -> Truth:
+    """Return the truth behind the stamp.
+
+    Raises:
+        ValueError: it is malformed.
+    """
+    return decode_truth(payload[_STAMP.size :])
