@@ -27,11 +27,13 @@ def connected(settings=SitlSettings()):  # noqa: B008 -- frozen
         wire.bind(("127.0.0.1", 0))
         serving = threading.Thread(target=serve, args=(rover, wire, clock, ended))
         serving.start()
-        with RoverPlatform(at(wire.getsockname()[1]), clock) as platform:
-            platform.connect()
-            yield rover, platform
-        ended.set()
-        serving.join()
+        try:
+            with RoverPlatform(at(wire.getsockname()[1]), clock) as platform:
+                platform.connect()
+                yield rover, platform
+        finally:
+            ended.set()
+            serving.join()
 
 
 def at(port, host="127.0.0.1"):
@@ -39,15 +41,20 @@ def at(port, host="127.0.0.1"):
     return dataclasses.replace(profile, connection=Connection(host=host, port=port))
 
 
-def drive_until(platform, condition):
-    """Send what the link would, until `condition` of the state holds; fail after 2 s."""
+def wait_until(platform, condition, command=None):
+    """Wait until `condition` of the state holds, 2 s at most; meanwhile send `command`, as the link would."""
     clock = platform.clock
     end_ns = clock.now_ns() + 2_000_000_000
     while not condition(platform.state()):
-        assert clock.now_ns() < end_ns
-        with contextlib.suppress(PlatformError):
-            platform.send(Twist(vx=0.5), clock.now_ns())
+        assert clock.now_ns() < end_ns, platform.state()
+        if command is not None:
+            platform.send(command, clock.now_ns())
         clock.sleep_until(clock.now_ns() + 20_000_000)
+
+
+def drive(platform):
+    platform.engage()
+    wait_until(platform, lambda state: state.velocity.vx > 0.4, Twist(vx=0.5))
 
 
 def refusals(platform):
@@ -56,10 +63,9 @@ def refusals(platform):
 
 def test_a_person_with_the_remote_control_keeps_the_rover():
     with connected() as (rover, platform):
-        platform.engage()
-        drive_until(platform, lambda state: state.velocity.vx > 0.2)
+        drive(platform)
         rover.take_over()
-        drive_until(platform, lambda state: state.stopped)
+        wait_until(platform, lambda state: state.stopped)
         assert "remote control" in platform.state().stopped
         assert platform.state().taken_over
         platform.hold("too late")
@@ -74,8 +80,7 @@ def test_a_person_with_the_remote_control_keeps_the_rover():
 def test_a_rover_that_stopped_by_itself_waits_for_an_explicit_engage():
     with connected(SitlSettings(command_timeout_s=0.1)) as (_, platform):
         platform.engage()
-        while not platform.state().stopped:
-            platform.clock.sleep_until(platform.clock.now_ns() + 20_000_000)
+        wait_until(platform, lambda state: state.stopped)
         assert "TIMED_OUT" in platform.state().stopped
         assert platform.state().taken_over
         with pytest.raises(PlatformError, match="TIMED_OUT"):
@@ -103,6 +108,23 @@ def test_a_rover_that_is_no_longer_heard_is_driven_no_further():
         with pytest.raises(PlatformError, match=r"no report from the rover for 0\.[34] s"):
             platform.send(ZERO, later_ns)
         assert not platform.state().engaged
+
+
+def test_a_rover_that_still_drives_is_engaged_anew_from_a_stop():
+    with connected(SitlSettings(command_timeout_s=5.0)) as (_, platform):
+        drive(platform)
+        with pytest.raises(PlatformError, match="no report"):
+            platform.send(ZERO, platform.clock.now_ns() + 400_000_000)
+        platform.engage()
+        wait_until(platform, lambda state: state.velocity.vx < 0.05)
+        assert platform.state().engaged
+
+
+def test_disengage_returns_when_the_rover_stands():
+    with connected(SitlSettings(lag_s=0.2)) as (_, platform):
+        drive(platform)
+        platform.disengage()
+        assert abs(platform.state().velocity.vx) < 0.05
 
 
 def test_nobody_at_the_port_is_said_within_two_seconds():
