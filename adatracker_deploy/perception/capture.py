@@ -33,7 +33,7 @@ class Capture:
         settings: pairs of ``CAP_PROP_`` and value that hold from the start.
 
     Raises:
-        ValueError: it cannot be opened, or its pictures are of a size that may not be decoded.
+        ValueError: it cannot be opened, or its pictures are larger than may be decoded.
     """
 
     def __init__(self, target: str, backend: int = cv2.CAP_ANY, settings: Sequence[int] = ()) -> None:
@@ -42,8 +42,11 @@ class Capture:
         self._capture = cv2.VideoCapture(target, backend, list(settings))
         if not self._capture.isOpened():
             raise ValueError("cannot be opened as a video")
+        width, height = (
+            int(self._get(side)) for side in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
+        )
         try:
-            check_size(int(self._get(cv2.CAP_PROP_FRAME_WIDTH)), int(self._get(cv2.CAP_PROP_FRAME_HEIGHT)))
+            check_size(max(1, width), max(1, height))  # 0: a stream that states its size with its first frame
         except ValueError:
             self.close()
             raise

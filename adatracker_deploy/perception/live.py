@@ -76,11 +76,13 @@ class LiveCamera(abc.ABC):
             PlatformError: the camera cannot be reached, or gave no picture within `OPEN_TIMEOUT_S`.
         """
         self._thread.start()
-        if not self._decided.wait(OPEN_TIMEOUT_S):
-            self._error = PlatformError(f"camera {self.name}: no picture came within {OPEN_TIMEOUT_S:g} s")
-        if self._error is not None:
+        if self._decided.wait(OPEN_TIMEOUT_S):
+            error = self._error
+        else:
+            error = PlatformError(f"camera {self.name}: no picture came within {OPEN_TIMEOUT_S:g} s")
+        if error is not None:
             self.close()
-            raise self._error
+            raise error
 
     def read(self, now_ns: int) -> Frame | None:
         """Return the newest frame that had arrived at `now_ns`.

@@ -71,9 +71,14 @@ class MjpegCamera(LiveCamera):
                 with connection.getresponse() as response:
                     parser = MultipartParser(self._boundary(response))
                     yield from self._stream(response, self._socket, parser)
-        except (OSError, http.client.HTTPException, ValueError) as error:
-            reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
-            raise PlatformError(f"camera {self.name}: {reason}") from error
+        except http.client.IncompleteRead:
+            return  # in the middle of a chunk, as streams do
+        except http.client.HTTPException as error:
+            raise PlatformError(f"camera {self.name}: its answer is no HTTP: {error!r}") from error
+        except OSError as error:
+            raise PlatformError(f"camera {self.name}: {error.strerror or error}") from error
+        except ValueError as error:
+            raise PlatformError(f"camera {self.name}: {error}") from error
 
     def _interrupt(self) -> None:
         if self._socket is not None:

@@ -11,7 +11,7 @@ import struct
 
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.geometry import Pose
-from adatracker_deploy.messages import Truth
+from adatracker_deploy.messages import MaskClass, Truth
 from adatracker_deploy.schema import parse
 from adatracker_deploy.trial.mask_png import decode_mask, encode_mask
 
@@ -51,7 +51,9 @@ def decode_truth(data: bytes) -> Truth:
         text = data[_LENGTH.size : _LENGTH.size + length]
         header = parse(_Header, json.loads(text), where="truth")
         mask = decode_mask(data[_LENGTH.size + length :])
-    except (struct.error, UsageError, RecursionError) as error:
+        if not mask.size or mask.max() > max(MaskClass):
+            raise ValueError("unknown classes in its mask, or none")
+    except (struct.error, UsageError, RecursionError, ValueError) as error:
         raise ValueError(f"not a truth: {error}") from error
     values = {field.name: getattr(header, field.name) for field in dataclasses.fields(header)}
     return Truth(mask=mask, **values)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import base64
 import contextlib
 import socket
+import sys
 import threading
 from functools import cached_property
 from http import HTTPStatus
@@ -169,7 +170,9 @@ class _Server(ThreadingHTTPServer):
                 connection.shutdown(socket.SHUT_RDWR)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Say nothing: a client that leaves in the middle of a picture is no error."""
+        """Say nothing of a client that leaves in the middle of a picture."""
+        if not isinstance(sys.exception(), OSError):
+            super().handle_error(request, client_address)
 
 
 class _Handler(BaseHTTPRequestHandler):

@@ -1,0 +1,280 @@
+"""A camera over HTTP: what it sends is seen fresh, and whatever is wrong with it is said in one sentence."""
+
+from __future__ import annotations
+
+import base64
+import threading
+import time
+
+import numpy as np
+import pytest
+from streams import STREAM, jpeg, part, picture, serving, until
+
+from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.geometry import Pose
+from adatracker_deploy.messages import Frame, Truth
+from adatracker_deploy.perception import live
+from adatracker_deploy.perception.mjpeg import MjpegCamera
+from adatracker_deploy.perception.multipart import LARGEST_BODY_BYTES
+from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_deploy.world.mjpeg_server import MjpegServer
+
+CLOCK = MonotonicClock()
+TRUTH = Truth(np.ones((48, 64), np.uint8), Pose(1.0), Pose(2.0), (3.0, 4.0), 5.0, 0.5, collided=False)
+ONE_PART = part(jpeg(picture()))
+
+
+@pytest.fixture
+def server():
+    server = MjpegServer()
+    yield server
+    server.close()
+
+
+@pytest.fixture
+def opened():
+    """Opens cameras and closes them at the end."""
+    cameras = []
+
+    def open_camera(url):
+        cameras.append(MjpegCamera(url, CLOCK))
+        cameras[-1].open()
+        return cameras[-1]
+
+    yield open_camera
+    for camera in cameras:
+        camera.close()
+
+
+def address(port, user=""):
+    return f"http://{user}127.0.0.1:{port}/video?channel=1"
+
+
+def saying(*pieces):
+    return serving(lambda connection, _: [connection.sendall(piece) for piece in pieces])
+
+
+def newest(camera):
+    return camera.read(CLOCK.now_ns())
+
+
+def error_of(camera):
+    """Return what `read` raises sooner or later."""
+
+    def error():
+        try:
+            newest(camera)
+        except PlatformError as raised:
+            return str(raised)
+        return ""
+
+    return until(error)
+
+
+def test_a_published_frame_is_seen_with_its_truth_at_the_time_of_its_arrival(server, opened):
+    server.publish(Frame(picture(7), 123, 77, TRUTH))
+    before_ns = CLOCK.now_ns()
+    frame = newest(opened(server.url))
+    assert before_ns <= frame.t_ns <= CLOCK.now_ns()
+    assert frame.seq == 1
+    assert np.abs(frame.rgb.astype(int) - picture(7)).mean() < 5
+    assert (frame.truth.robot, frame.truth.distance_m) == (TRUTH.robot, TRUTH.distance_m)
+    assert np.array_equal(frame.truth.mask, TRUTH.mask)
+
+
+def test_frames_are_numbered_by_the_camera_and_never_from_the_future(server, opened):
+    server.publish(Frame(picture(0), 0, 50))
+    camera = opened(server.url)
+    first = newest(camera)
+    server.publish(Frame(picture(1), 0, 90))
+    second = until(lambda: (frame := newest(camera)).seq == 2 and frame)
+    assert camera.read(second.t_ns - 1) is first
+    assert camera.read(first.t_ns - 1) is None
+    assert first.truth is second.truth is None
+
+
+def test_people_are_told_to_go_through_the_same_server_and_only_in_a_rehearsal(server, opened):
+    went = threading.Event()
+    server.on_go(went.set)
+    server.publish(Frame(picture(0), 0, 1))
+    camera = opened(server.url)
+    camera.go()
+    assert not went.is_set()
+    server.publish(Frame(picture(1), 0, 2, TRUTH))
+    until(lambda: newest(camera).truth)
+    camera.go()
+    assert went.is_set()
+
+
+def test_a_rehearsal_that_does_not_take_the_go_is_an_error(opened):
+    def answer(connection, request):
+        if request.startswith(b"GET"):
+            truth = base64.b64encode(live_truth())
+            connection.sendall(STREAM + part(jpeg(picture()), b"X-Truth: " + truth))
+        else:
+            connection.sendall(b"HTTP/1.0 503 Busy\r\n\r\n")
+
+    with serving(answer) as port, pytest.raises(PlatformError, match="cannot begin: POST /go answered 503"):
+        opened(address(port)).go()
+
+
+def live_truth():
+    from adatracker_deploy.perception.truth_wire import encode_truth
+
+    return encode_truth(TRUTH)
+
+
+@pytest.mark.parametrize(
+    ("answer", "sentence"),
+    [
+        (b"HTTP/1.0 404 Not Found\r\n\r\n", "answered 404 Not Found"),
+        (
+            b"HTTP/1.0 200 OK\r\nContent-Type: text/html\r\n\r\n",
+            "sends text/html, expected a multipart stream",
+        ),
+        (b"HTTP/1.0 401 No\r\n\r\n", "wants a user: write http://USER:PASSWORD@"),
+        (STREAM.replace(b"; boundary=next", b""), "names no boundary"),
+        (b"SSH-2.0-OpenSSH_9.6\r\n", "its answer is no HTTP: .*SSH-2.0"),
+        (b"", "its answer is no HTTP: RemoteDisconnected"),
+        (STREAM, "the stream has ended"),
+        (STREAM + b"--next\r\nContent-Length: %d\r\n\r\n" % (LARGEST_BODY_BYTES + 1), "length is"),
+        (STREAM + b"x" * 200_000, "no boundary came"),
+    ],
+)
+def test_what_is_no_stream_is_said_in_one_sentence(answer, sentence, opened):
+    def say(connection, _):
+        connection.sendall(answer)
+        connection.close()
+
+    with (
+        serving(say) as port,
+        pytest.raises(PlatformError, match=f"^camera http://127.*{sentence}") as raised,
+    ):
+        opened(address(port))
+    assert "\n" not in str(raised.value)
+
+
+def test_nobody_there_is_said_at_once(opened):
+    with serving(lambda *_: None) as port:
+        pass
+    with pytest.raises(PlatformError, match=r"camera http://127.0.0.1:\d+/\S+: Connection refused"):
+        opened(address(port))
+
+
+@pytest.mark.parametrize("pieces", [(), (STREAM,), (STREAM, ONE_PART[:-40])])
+def test_a_camera_that_stays_silent_is_given_up(pieces, opened, monkeypatch):
+    monkeypatch.setattr(live, "OPEN_TIMEOUT_S", 0.3)
+    with saying(*pieces) as port, pytest.raises(PlatformError, match=r"no picture came within 0\.3 s"):
+        opened(address(port))
+    until(lambda: not any(thread.name.startswith("camera") for thread in threading.enumerate()))
+
+
+def test_a_camera_that_falls_silent_later_is_told_by_the_time_of_its_last_frame(opened):
+    with saying(STREAM, ONE_PART) as port:
+        camera = opened(address(port))
+        with pytest.raises(PlatformError, match="no picture has come for"):
+            camera.read(CLOCK.now_ns() + 2_100_000_000)
+
+
+def test_a_stream_that_ends_is_an_error_from_then_on(server, opened):
+    server.publish(Frame(picture(), 0, 1))
+    camera = opened(server.url)
+    server.close()
+    assert error_of(camera) == f"camera {server.url}: the stream has ended"
+    assert error_of(camera) == f"camera {server.url}: the stream has ended"
+
+
+def test_a_size_that_changes_ends_the_camera(server, opened):
+    server.publish(Frame(picture(), 0, 1))
+    camera = opened(server.url)
+    server.publish(Frame(picture(size=(60, 80)), 0, 2))
+    assert "size changed from 64x48 to 80x60" in error_of(camera)
+
+
+@pytest.mark.parametrize(
+    "damaged",
+    [
+        part(b"no picture"),
+        part(b""),
+        part(jpeg(picture())[:-40]),
+        part(jpeg(picture()), b"X-Truth: !"),
+        part(jpeg(picture()), b"X-Truth: AAAA"),
+    ],
+)
+def test_a_damaged_picture_is_dropped_and_counted_and_the_next_one_seen(damaged, opened):
+    go_on = threading.Event()
+
+    def say(connection, _):
+        connection.sendall(STREAM + damaged)
+        go_on.wait(10)
+        connection.sendall(ONE_PART)
+
+    with serving(say) as port:
+        camera = MjpegCamera(address(port), CLOCK)
+        opening = threading.Thread(target=camera.open)
+        opening.start()
+        until(lambda: camera.dropped == 1)
+        go_on.set()
+        opening.join()
+        assert newest(camera).seq == 1
+        camera.close()
+
+
+def test_of_a_backlog_only_the_newest_picture_is_looked_at(opened):
+    backlog = [part(jpeg(picture(seed, (240, 320)))) for seed in range(150)]
+    with saying(STREAM + b"".join(backlog)) as port:
+        camera = opened(address(port))
+        last = picture(149, (240, 320)).astype(int)
+        until(lambda: np.abs(newest(camera).rgb - last).mean() < 5)
+        assert newest(camera).seq < 50
+
+
+def test_bodies_without_a_length_and_chunked_transfer_are_understood(opened):
+    bare = b"--next\r\nContent-Type: image/jpeg\r\n\r\n" + jpeg(picture(3)) + b"\r\n--next\r\n"
+    chunks = b"".join(
+        b"%x\r\n%s\r\n" % (len(bare[i : i + 100]), bare[i : i + 100]) for i in range(0, len(bare), 100)
+    )
+    head = STREAM.replace(b"HTTP/1.0", b"HTTP/1.1").replace(
+        b"\r\n\r\n", b"\r\nTransfer-Encoding: chunked\r\n\r\n"
+    )
+    with saying(head, chunks) as port:
+        assert np.abs(newest(opened(address(port))).rgb.astype(int) - picture(3)).mean() < 5
+
+
+def test_the_password_is_sent_and_never_shown(opened):
+    heard = []
+
+    def answer(connection, request):
+        heard.append(request)
+        connection.sendall(STREAM + ONE_PART)
+
+    with serving(answer) as port:
+        camera = opened(address(port, "guard:p%40ss@"))
+    message = error_of(camera)
+    assert b"GET /video?channel=1 HTTP" in heard[0]
+    assert b"Authorization: Basic " + base64.b64encode(b"guard:p@ss") in heard[0]
+    assert "guard" not in message
+    assert "ss@" not in message
+
+
+def test_a_plain_server_behind_https_is_said_to_be_one(opened):
+    with (
+        saying(b"HTTP/1.0 400 Bad Request\r\n\r\n") as port,
+        pytest.raises(PlatformError, match="camera https"),
+    ):
+        opened(address(port).replace("http", "https"))
+
+
+def test_closing_ends_the_reader_at_once_even_while_the_camera_is_silent():
+    with saying(STREAM, ONE_PART) as port:
+        camera = MjpegCamera(address(port), CLOCK)
+        camera.open()
+        began_s = time.monotonic()
+        camera.close()
+        camera.close()
+        assert time.monotonic() - began_s < 1.0
+        assert not any(thread.name == f"camera {camera.name}" for thread in threading.enumerate())
+
+
+def test_a_camera_that_was_never_opened_can_be_closed():
+    MjpegCamera("http://127.0.0.1:9/", CLOCK).close()

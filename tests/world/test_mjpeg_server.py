@@ -1,0 +1,186 @@
+"""The far end's stream: anybody can watch, nobody delays it, and it says what a part is."""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import http.client
+import re
+import socket
+import threading
+import time
+import urllib.error
+import urllib.request
+
+import cv2
+import numpy as np
+import pytest
+
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.geometry import Pose
+from adatracker_deploy.messages import Frame, Truth
+from adatracker_deploy.perception.jpeg import decode_jpeg
+from adatracker_deploy.perception.multipart import MultipartParser
+from adatracker_deploy.perception.truth_wire import decode_truth
+from adatracker_deploy.world import mjpeg_server
+from adatracker_deploy.world.mjpeg_server import MjpegServer
+
+TRUTH = Truth(np.ones((8, 8), np.uint8), Pose(1.0), Pose(2.0), (3.0, 4.0), 5.0, 0.5, collided=True)
+
+
+@pytest.fixture
+def server():
+    server = MjpegServer()
+    yield server
+    server.close()
+
+
+def frame(seq, size=(48, 64), truth=None):
+    return Frame(np.full((*size, 3), (seq % 256, 40, 200), np.uint8), seq * 1_500_000_000, seq, truth)
+
+
+def noise(seq, size):
+    rgb = np.random.default_rng(seq).integers(0, 256, (*size, 3)).astype(np.uint8)
+    return Frame(rgb, seq, seq)
+
+
+@contextlib.contextmanager
+def watching(server):
+    """Give a function that returns the stream's next part."""
+    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=10)
+    connection.request("GET", "/stream.mjpg")
+    response = connection.getresponse()
+    parser, waiting = MultipartParser(response.headers.get_boundary()), []
+
+    def next_part():
+        while not waiting:
+            data = response.read1(1 << 16)
+            assert data, "the stream has ended"
+            waiting.extend(parser.feed(data))
+        return waiting.pop(0)
+
+    yield next_part
+    response.close()
+    connection.close()
+
+
+def test_a_part_says_what_it_is_when_it_was_taken_and_which_one_it_is(server):
+    server.publish(frame(3, truth=TRUTH))
+    with watching(server) as next_part:
+        headers, body = next_part()
+    assert headers["content-type"] == "image/jpeg"
+    assert int(headers["content-length"]) == len(body)
+    assert headers["x-timestamp"] == "4.500000"
+    assert headers["x-sequence"] == "3"
+    assert decode_truth(base64.b64decode(headers["x-truth"])).target_xy == TRUTH.target_xy
+    assert np.abs(decode_jpeg(body).astype(int) - frame(3).rgb).max() < 10
+
+
+def test_outside_a_rehearsal_there_is_no_truth(server):
+    server.publish(frame(1))
+    with watching(server) as next_part:
+        assert "x-truth" not in next_part().headers
+
+
+def test_every_watcher_sees_what_is_published_and_it_is_encoded_once(server, monkeypatch):
+    encoded, encode = [], cv2.imencode
+    monkeypatch.setattr(mjpeg_server.cv2, "imencode", lambda *args: encoded.append(1) or encode(*args))
+    server.publish(frame(1))
+    server.publish(frame(2))
+    assert not encoded
+    with watching(server) as one, watching(server) as other:
+        for seq in (2, 3, 4):
+            if seq > 2:
+                server.publish(frame(seq))
+            assert one() == other()
+    assert len(encoded) == 3
+
+
+def test_any_program_can_watch_with_a_truth_as_large_as_they_come(server):
+    busy = np.random.default_rng(0).integers(0, 4, (240, 320)).astype(np.uint8)
+    truth = Truth(busy[:160, :160], Pose(), Pose(), (0.0, 0.0), 1.0, 0.0, collided=False)
+    ended = threading.Event()
+
+    def film():
+        for seq in range(1, 10_000):
+            server.publish(frame(seq, truth=truth))
+            if ended.wait(0.01):
+                return
+
+    thread = threading.Thread(target=film)
+    thread.start()
+    try:
+        video = cv2.VideoCapture(f"http://127.0.0.1:{server.port}/stream.mjpg", cv2.CAP_FFMPEG)
+        read, bgr = video.read()
+        video.release()
+    finally:
+        ended.set()
+        thread.join()
+    assert read
+    assert bgr.shape == (48, 64, 3)
+
+
+def test_a_client_that_does_not_read_delays_nobody_and_is_shown_the_present_later(server):
+    pictures = [noise(seq, (240, 320)) for seq in range(4)]
+    server.publish(pictures[0])
+    with watching(server) as slow, watching(server) as quick:
+        slow()
+        quick()
+        took_s = []
+        for seq in range(1, 101):  # some 6 MB, far more than the kernel keeps
+            began_s = time.perf_counter()
+            server.publish(Frame(pictures[seq % 4].rgb, seq, seq))
+            took_s.append(time.perf_counter() - began_s)
+            while int(quick().headers["x-sequence"]) < seq:
+                pass
+        assert sorted(took_s)[50] < 0.002
+        seen = [0]
+        while seen[-1] < 100:
+            seen.append(int(slow().headers["x-sequence"]))
+        assert len(seen) < 70
+        assert seen == sorted(set(seen))
+
+
+def test_whoever_posts_go_lets_the_people_walk(server):
+    went = []
+    server.on_go(lambda: went.append("people"))
+    server.on_go(lambda: went.append("clock"))
+    request = urllib.request.Request(f"http://127.0.0.1:{server.port}/go", method="POST")
+    with urllib.request.urlopen(request, timeout=5) as response:
+        assert response.status == 204
+    assert went == ["people", "clock"]
+
+
+@pytest.mark.parametrize(("path", "method"), [("/", "GET"), ("/go", "GET"), ("/stop", "POST")])
+def test_anything_else_is_not_found(server, path, method):
+    request = urllib.request.Request(f"http://127.0.0.1:{server.port}{path}", method=method)
+    with pytest.raises(urllib.error.HTTPError, match="404"):
+        urllib.request.urlopen(request, timeout=5)
+
+
+def test_a_port_in_use_is_said_to_be(server):
+    with pytest.raises(UsageError, match=f"TCP port {server.port} for the camera's stream: .*in use"):
+        MjpegServer(server.port)
+
+
+def test_closing_ends_every_stream_and_frees_the_port():
+    server = MjpegServer()
+    server.publish(frame(1))
+    with watching(server) as next_part:
+        next_part()
+        server.close()
+        server.close()
+        with pytest.raises(AssertionError, match="has ended"):
+            next_part()
+    MjpegServer(server.port).close()
+
+
+def test_rubbish_requests_change_nothing(server):
+    for rubbish in (b"\0\xff" * 40_000, b"GET\r\n\r\n", b"POST /go HTTP/9.9\r\n\r\n"):
+        connection = socket.create_connection(("127.0.0.1", server.port), 5)
+        with connection, contextlib.suppress(OSError):  # it may hang up before it has read everything
+            connection.sendall(rubbish)
+            assert not re.match(rb"HTTP/1.\d 20", connection.recv(4096))
+    server.publish(frame(1))
+    with watching(server) as next_part:
+        assert next_part().body
