@@ -1,5 +1,7 @@
 """How people walk: an S-shaped course as in the paper's field trials, or at random as in its simulation.
 
+Two wanderers make it harder: one turns round again and again, another gets into the line of sight.
+
 A walker knows where it is and steps on; the room it has is a `Clearance` that the caller gives with each
 step, so that a robot or another person can stand in the way. No walker ever steps to a place that has less
 room than `BERTH_M`, unless that gets it out of a narrower one.
@@ -17,7 +19,7 @@ from adatracker_deploy.geometry import wrap_angle
 from adatracker_deploy.world.footprint import Clearance, Points
 from adatracker_deploy.world.scene import Lap
 
-PathName = Literal["s_path", "random_walk", "still"]
+PathName = Literal["s_path", "random_walk", "u_turns", "still"]
 
 BERTH_M = 0.6
 """From the middle of a person to whatever it walks past."""
@@ -125,13 +127,20 @@ class RandomWalk:
         elif abs(error) <= most:
             self._goal = None
 
-    def _new_goal(self, clearance: Clearance) -> tuple[float, float] | None:
+    def _new_goal(
+        self, clearance: Clearance, ahead_rad: float = 0.0, spread_rad: float = math.pi
+    ) -> tuple[float, float] | None:
         """Return the first of 24 random places 3 to 10 m away that a straight walk reaches, if any.
 
         Where none is free, the one that is free for longest will do, up to where its way is blocked.
+
+        Args:
+            clearance: where there is room.
+            ahead_rad: the middle of the directions in which goals are looked for.
+            spread_rad: how far from it they may be.
         """
         here = np.array([self.x, self.y])
-        bearing = self._rng.uniform(-math.pi, math.pi, 24)
+        bearing = ahead_rad + self._rng.uniform(-spread_rad, spread_rad, 24)
         distance = self._rng.uniform(3.0, 10.0, 24)
         reach = np.linspace(0.0, 1.0, 41)[1:]
         along = distance[:, None] * reach
@@ -143,6 +152,37 @@ class RandomWalk:
         if steps[best] == 0:
             return None
         return float(way[best, steps[best] - 1, 0]), float(way[best, steps[best] - 1, 1])
+
+
+class UTurnWalk(RandomWalk):
+    """Walks at random, and every few seconds turns round and walks back past whoever follows."""
+
+    _MEAN_S = 7.0
+    _SPREAD_RAD = math.radians(25.0)
+
+    def step(self, dt_s: float, clearance: Clearance) -> None:
+        """Turn round, now and then, then walk on."""
+        if self._rng.random() < dt_s / self._MEAN_S:
+            self._goal = self._new_goal(clearance, self.heading + math.pi, self._SPREAD_RAD)
+        super().step(dt_s, clearance)
+
+
+class Crosser(RandomWalk):
+    """Walks at random until the mood takes it to get into somebody's line of sight for a while."""
+
+    _MEAN_S = 6.0
+    """Between two such moods."""
+    _MOOD_S = (2.0, 7.0)
+
+    _left_s = 0.0
+
+    def meet(self, eye: tuple[float, float], target: tuple[float, float], dt_s: float) -> None:
+        """Make for the middle between an eye and what it looks at, while the mood lasts."""
+        self._left_s -= dt_s
+        if self._left_s <= 0.0 and self._rng.random() < dt_s / self._MEAN_S:
+            self._left_s = float(self._rng.uniform(*self._MOOD_S))
+        if self._left_s > 0.0:
+            self._goal = (eye[0] + target[0]) / 2, (eye[1] + target[1]) / 2
 
 
 def _has_room(clearance: Clearance, here: tuple[float, float], there: tuple[float, float]) -> bool:

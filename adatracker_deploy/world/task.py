@@ -28,6 +28,10 @@ class TaskSettings:
     """Steps of the body's dynamics in one step of the task."""
     body_radius_m: float = 0.3
     """For collisions, and for keeping a ground body out of obstacles."""
+    max_lost_steps: int = MAX_LOST_STEPS
+    """So many lost steps in a row end an episode."""
+    least_reward: float = -math.inf
+    """No step's reward is less."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,9 +81,8 @@ class Task:
         observation, truth = self._look()
         visible = target_visible(truth.distance_m, truth.bearing_rad, observation.box is not None)
         self._lost = 0 if visible else self._lost + 1
-        return Outcome(
-            observation, truth, step_reward(truth.distance_m, truth.bearing_rad), visible, self._end()
-        )
+        reward = max(step_reward(truth.distance_m, truth.bearing_rad), self.settings.least_reward)
+        return Outcome(observation, truth, reward, visible, self._end())
 
     def _look(self) -> tuple[Observation, Truth]:
         height, width = self.settings.mask_size
@@ -91,6 +94,6 @@ class Task:
         return observation, self.world.truth(mask, self.body.pose, camera, self.settings.body_radius_m)
 
     def _end(self) -> Literal["", "completed", "lost"]:
-        if self._lost >= MAX_LOST_STEPS:
+        if self._lost >= self.settings.max_lost_steps:
             return "lost"
         return "completed" if self._count >= self.settings.steps else ""

@@ -15,7 +15,17 @@ from adatracker_deploy.messages import ClassMask, Truth
 from adatracker_deploy.trial.metrics import DESIRED_DISTANCE_M
 from adatracker_deploy.world.camera import Camera
 from adatracker_deploy.world.footprint import Clearance, Points
-from adatracker_deploy.world.path import BERTH_M, PathName, RandomWalk, SPath, Still, Walker, lap_course
+from adatracker_deploy.world.path import (
+    BERTH_M,
+    Crosser,
+    PathName,
+    RandomWalk,
+    SPath,
+    Still,
+    UTurnWalk,
+    Walker,
+    lap_course,
+)
 from adatracker_deploy.world.person import HEIGHT_M, Gait
 from adatracker_deploy.world.scenes import build_scene, scene_names
 from adatracker_deploy.world.stage import Stage
@@ -49,6 +59,7 @@ class World:
         path: the target's way; others always walk at random.
         obstacles: whether things stand in the arena. Its walls and surroundings are always there.
         others: how many other people walk about.
+        crossing: how many of the others make for the robot's line of sight and linger there.
 
     Attributes:
         start: where a robot starts: on the ground, 2.5 m behind the target, facing it.
@@ -66,6 +77,7 @@ class World:
         path: PathName = "s_path",
         obstacles: bool = True,
         others: int = 0,
+        crossing: int = 0,
     ) -> None:
         check_scene(scene)
         if path not in get_args(PathName):
@@ -78,8 +90,9 @@ class World:
         self._camera = Camera(self.scene, self._stage)
         self._walkers = [self._target(path, target, target_speed_m_s)]
         self.start = self._behind(self._walkers[0])
-        for rng in crowd.spawn(others):
-            self._walkers.append(self._wanderer(rng, target_speed_m_s, self._room(None, skip=None)))
+        for index, rng in enumerate(crowd.spawn(others)):
+            kind = Crosser if index < crossing else RandomWalk
+            self._walkers.append(self._wanderer(kind, rng, target_speed_m_s, self._room(None, skip=None)))
         self._gaits = [Gait() for _ in self._walkers]
         self._show_people()
 
@@ -160,6 +173,8 @@ class World:
     def _stride(self, dt_s: float, robot: Pose | None) -> None:
         for index, (walker, gait) in enumerate(zip(self._walkers, self._gaits, strict=True)):
             x, y = walker.x, walker.y
+            if isinstance(walker, Crosser) and robot is not None:
+                walker.meet((robot.x, robot.y), self.target_xy, dt_s)
             walker.step(dt_s, self._room(robot, skip=index))
             gait.walk(math.dist((x, y), (walker.x, walker.y)), dt_s)
 
@@ -190,10 +205,13 @@ class World:
             if rng.random() < 0.5:
                 course = course[::-1]
             return SPath(course, speed_m_s, rng.uniform(0.0, 1e3))
-        walker = self._wanderer(rng, speed_m_s, self._walkable.clearance)
-        return walker if path == "random_walk" else Still(walker.x, walker.y, walker.heading)
+        kind = UTurnWalk if path == "u_turns" else RandomWalk
+        walker = self._wanderer(kind, rng, speed_m_s, self._walkable.clearance)
+        return Still(walker.x, walker.y, walker.heading) if path == "still" else walker
 
-    def _wanderer(self, rng: np.random.Generator, speed_m_s: float, room: Clearance) -> RandomWalk:
+    def _wanderer(
+        self, kind: type[RandomWalk], rng: np.random.Generator, speed_m_s: float, room: Clearance
+    ) -> RandomWalk:
         """Return somebody at a random free place, with free ground for a robot behind."""
         half = np.array([self.scene.half_x_m, self.scene.half_y_m]) - self.scene.margin_m
         behind = np.linspace(0.0, DESIRED_DISTANCE_M, 6)[:, None]
@@ -202,7 +220,7 @@ class World:
             way = place - behind * np.array([math.cos(heading), math.sin(heading)])
             if (room(way) >= BERTH_M).all():
                 x, y = place.tolist()
-                return RandomWalk(x, y, heading, speed_m_s=speed_m_s, rng=rng)
+                return kind(x, y, heading, speed_m_s=speed_m_s, rng=rng)
 
     def _behind(self, walker: Walker) -> Pose:
         x = walker.x - DESIRED_DISTANCE_M * math.cos(walker.heading)

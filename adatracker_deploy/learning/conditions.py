@@ -1,0 +1,148 @@
+"""The conditions that policies are compared under, and the paper's grid of bodies.
+
+A cell is a condition, a camera height and a target's speed; its seed draws the rest. The tracker's limit is
+1.3 times the target's speed and at least 1 m/s, forward and backward; it turns at most 120 degrees a second.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.learning.embodiment import Embodiment
+from adatracker_deploy.learning.episode_spec import EpisodeSpec
+from adatracker_deploy.learning.noise import NoiseLevel
+from adatracker_deploy.learning.view import pitch_in_view_deg
+from adatracker_deploy.world.path import PathName
+
+HEIGHTS_M = (0.3, 1.0, 1.7, 3.0)
+TARGET_SPEEDS_M_S = (0.5, 1.0, 2.0, 3.0)
+"""The paper's 16 embodiments are these heights by these speeds (its table of per-embodiment results)."""
+
+YAW_RATE_RAD_S = math.radians(120.0)
+
+ConditionName = Literal["clean", "field", "hard"]
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Condition:
+    """What an episode is like besides the cell's height and speed; intervals are drawn from evenly."""
+
+    name: ConditionName
+    description: str
+    path: PathName = "random_walk"
+    obstacles: bool = False
+    others: int = 0
+    crossing: int = 0
+    noise: NoiseLevel = "none"
+    pitch_deg: Interval = (0.0, 0.0)
+    """Moved as little as is needed to have the target in view at the start."""
+    fov_deg: Interval = (90.0, 90.0)
+    lag_s: Interval = (0.0, 0.0)
+    delay_steps: tuple[int, int] = (0, 0)
+    yaw_rate_scale: Interval = (1.0, 1.0)
+    """On 120 degrees a second."""
+
+
+CONDITIONS: dict[str, Condition] = {
+    condition.name: condition
+    for condition in (
+        Condition(name="clean", description="an empty room, perfect masks, a body that obeys at once"),
+        Condition(
+            name="field",
+            description="obstacles, two other people, lag, delay, tilted cameras, spoilt masks",
+            obstacles=True,
+            others=2,
+            noise="field",
+            pitch_deg=(-5.0, 15.0),
+            fov_deg=(70.0, 100.0),
+            lag_s=(0.1, 0.4),
+            delay_steps=(0, 2),
+        ),
+        Condition(
+            name="hard",
+            description="U-turns, people who stand in the way, long occlusions, bodies beyond the training's",
+            path="u_turns",
+            obstacles=True,
+            others=4,
+            crossing=2,
+            noise="hard",
+            pitch_deg=(-20.0, 40.0),
+            fov_deg=(50.0, 120.0),
+            lag_s=(0.4, 0.7),
+            delay_steps=(1, 4),
+            yaw_rate_scale=(0.75, 1.5),
+        ),
+    )
+}
+
+
+def condition_named(name: str) -> Condition:
+    """Return a condition.
+
+    Raises:
+        UsageError: there is none of this name.
+    """
+    if name not in CONDITIONS:
+        raise UsageError(f"unknown condition {name!r}: known are {', '.join(CONDITIONS)}")
+    return CONDITIONS[name]
+
+
+def make_cell(
+    condition: Condition | str,
+    height_m: float,
+    target_speed_m_s: float,
+    seed: int,
+    *,
+    scene: str = "simple_room",
+) -> EpisodeSpec:
+    """Return one episode of a cell; every policy that is given the same seed meets the same episode.
+
+    Args:
+        condition: one, or its name.
+        height_m: of the camera.
+        target_speed_m_s: of everybody in the world.
+        seed: see `seeds` for which to use.
+        scene: its name.
+
+    Raises:
+        UsageError: there is no such condition.
+    """
+    if isinstance(condition, str):
+        condition = condition_named(condition)
+    rng = np.random.default_rng([seed, 0xCE11])
+    fov_deg = float(rng.uniform(*condition.fov_deg))
+    forward_m_s = max(1.0, 1.3 * target_speed_m_s)
+    low, high = condition.delay_steps
+    embodiment = Embodiment(
+        height_m=height_m,
+        pitch_deg=pitch_in_view_deg(float(rng.uniform(*condition.pitch_deg)), height_m, fov_deg),
+        fov_deg=fov_deg,
+        forward_m_s=forward_m_s,
+        backward_m_s=forward_m_s,
+        yaw_rate_rad_s=YAW_RATE_RAD_S * float(rng.uniform(*condition.yaw_rate_scale)),
+        lag_s=float(rng.uniform(*condition.lag_s)),
+        delay_s=int(rng.integers(low, high + 1)) / 10,
+    )
+    return EpisodeSpec(
+        seed=seed,
+        embodiment=embodiment,
+        scene=scene,
+        target_speed_m_s=target_speed_m_s,
+        path=condition.path,
+        obstacles=condition.obstacles,
+        others=condition.others,
+        crossing=condition.crossing,
+        noise=condition.noise,
+    )
+
+
+def random_cell(condition: Condition | str, seed: int) -> EpisodeSpec:
+    """Return an episode of one of the paper's 16 bodies, which the seed picks."""
+    rng = np.random.default_rng([seed, 0x16])
+    return make_cell(condition, float(rng.choice(HEIGHTS_M)), float(rng.choice(TARGET_SPEEDS_M_S)), seed)

@@ -1,0 +1,1 @@
+"""Training data: recipes, the perturbed expert, shards of episodes on disk, and sequences drawn from them."""

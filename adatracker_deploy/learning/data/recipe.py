@@ -1,0 +1,188 @@
+"""Recipes: what the episodes of a data set are drawn from, as a YAML file."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated, Any, get_args
+
+import numpy as np
+import yaml
+
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.learning.embodiment import BodyKind, Embodiment
+from adatracker_deploy.learning.episode_spec import RATE_HZ, EpisodeSpec
+from adatracker_deploy.learning.noise import NoiseLevel
+from adatracker_deploy.learning.view import pitch_in_view_deg
+from adatracker_deploy.schema import Range, parse
+from adatracker_deploy.world.path import PathName
+from adatracker_deploy.world.scenes import scene_names
+
+Number = Annotated[float, Range(-1e3, 1e3)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Between:
+    """A number drawn evenly from an interval."""
+
+    low: Number
+    high: Number
+
+    def __post_init__(self) -> None:
+        if self.low > self.high:
+            raise UsageError(f"low {self.low:g} is above high {self.high:g}")
+
+    def draw(self, rng: np.random.Generator) -> float:
+        """Return one of them."""
+        return float(rng.uniform(self.low, self.high))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OneOf:
+    """One of a few numbers, each as likely."""
+
+    one_of: tuple[Number, ...]
+
+    def __post_init__(self) -> None:
+        if not self.one_of:
+            raise UsageError("one_of is empty")
+
+    def draw(self, rng: np.random.Generator) -> float:
+        """Return one of them."""
+        return self.one_of[int(rng.integers(len(self.one_of)))]
+
+
+Spread = Between | OneOf
+Weights = dict[str, Annotated[float, Range(0, 1e6)]]
+"""How likely each named choice is, relative to the others."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recipe:
+    """What one data set is made of; every draw depends on the episode's seed alone."""
+
+    name: str
+    description: str
+    steps: Annotated[int, Range(1, 1_000_000_000)]
+    """How many steps are collected unless the command says otherwise."""
+    episode_steps: Annotated[int, Range(2, 100_000)] = 500
+    scenes: Weights
+    kinds: Weights
+    height_m: Spread
+    pitch_deg: Spread
+    """Moved as little as is needed to have the target in view at the start."""
+    fov_deg: Spread
+    forward_m_s: Spread
+    """The body's limit."""
+    backward_share: Spread
+    """Of the limit forward."""
+    target_share: Spread
+    """The target's speed, as a share of the limit forward."""
+    yaw_rate_deg_s: Spread
+    lag_s: Spread
+    delay_steps: Spread
+    """Of 0.1 s, rounded to whole ones."""
+    paths: Weights
+    obstacles: Annotated[float, Range(0, 1)]
+    """Share of the episodes with things in the arena."""
+    others: Spread
+    """Other people."""
+    crossing: Spread
+    """How many of them, at most, make for the line of sight."""
+    noise: Weights
+
+    def draw(self, seed: int) -> EpisodeSpec:
+        """Return the episode that this seed stands for."""
+        rng = np.random.default_rng([seed, 0x4EC1])
+        kind = _weighted(rng, self.kinds)
+        height_m, fov_deg = self.height_m.draw(rng), self.fov_deg.draw(rng)
+        pitch_deg = pitch_in_view_deg(self.pitch_deg.draw(rng), height_m, fov_deg)
+        forward_m_s = self.forward_m_s.draw(rng)
+        others = round(self.others.draw(rng))
+        embodiment = Embodiment(
+            kind=kind,
+            height_m=height_m,
+            pitch_deg=pitch_deg,
+            fov_deg=fov_deg,
+            forward_m_s=forward_m_s,
+            backward_m_s=forward_m_s * self.backward_share.draw(rng),
+            yaw_rate_rad_s=math.radians(self.yaw_rate_deg_s.draw(rng)),
+            lag_s=self.lag_s.draw(rng),
+            delay_s=round(self.delay_steps.draw(rng)) / RATE_HZ,
+        )
+        return EpisodeSpec(
+            seed=seed,
+            embodiment=embodiment,
+            scene=_weighted(rng, self.scenes),
+            target_speed_m_s=forward_m_s * self.target_share.draw(rng),
+            path=_weighted(rng, self.paths),
+            obstacles=bool(rng.random() < self.obstacles),
+            others=others,
+            crossing=min(others, round(self.crossing.draw(rng))),
+            noise=_weighted(rng, self.noise),
+        )
+
+
+def recipe_names() -> list[str]:
+    """Return the names of the shipped recipes, sorted."""
+    folder = files("adatracker_deploy.learning") / "recipes"
+    return sorted(
+        entry.name.removesuffix(".yaml") for entry in folder.iterdir() if entry.name.endswith(".yaml")
+    )
+
+
+def load_recipe(name_or_path: str) -> Recipe:
+    """Read a shipped recipe by name, or any by path (with a slash or a .yaml ending).
+
+    Raises:
+        UsageError: no such recipe, not YAML, or a wrong key, type or range.
+    """
+    if "/" in name_or_path or name_or_path.endswith(".yaml"):
+        path = Path(name_or_path)
+    elif name_or_path in recipe_names():
+        path = Path(str(files("adatracker_deploy.learning") / "recipes" / f"{name_or_path}.yaml"))
+    else:
+        names = ", ".join(recipe_names())
+        raise UsageError(f"unknown recipe {name_or_path!r}: known are {names}; or give a path to a YAML file")
+    return parse_recipe(_read(path), where=str(path), name=path.stem)
+
+
+def parse_recipe(value: Any, *, where: str, name: str) -> Recipe:
+    """Check a recipe as YAML gives it; its name is its file's.
+
+    Raises:
+        UsageError: a wrong key, type or range, or choices that nothing can be drawn from.
+    """
+    if isinstance(value, dict) and "name" not in value:
+        value = {"name": name, **value}
+    recipe = parse(Recipe, value, where=where)
+    for key, known in (
+        ("scenes", scene_names()),
+        ("kinds", get_args(BodyKind)),
+        ("paths", get_args(PathName)),
+        ("noise", get_args(NoiseLevel)),
+    ):
+        weights: Weights = getattr(recipe, key)
+        for choice in weights:
+            if choice not in known:
+                raise UsageError(f"{where}: {key}: unknown choice {choice!r}; known are {', '.join(known)}")
+        if not any(weights.values()):
+            raise UsageError(f"{where}: {key}: needs at least one choice with a weight above 0")
+    return recipe
+
+
+def _weighted(rng: np.random.Generator, weights: dict[Any, float]) -> Any:
+    names = list(weights)
+    share = np.array([weights[name] for name in names])
+    return names[int(rng.choice(len(names), p=share / share.sum()))]
+
+
+def _read(path: Path) -> Any:
+    try:
+        return yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise UsageError(f"recipe {path}: cannot be read: {error}") from error
+    except yaml.YAMLError as error:
+        raise UsageError(f"recipe {path}: not valid YAML: {' '.join(str(error).split())}") from error

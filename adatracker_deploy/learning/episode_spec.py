@@ -1,0 +1,62 @@
+"""Everything that fixes one episode of learning or evaluation, as plain values: body, world, noise, seed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Annotated
+
+from adatracker_deploy.learning.embodiment import Embodiment
+from adatracker_deploy.learning.noise import MaskNoise, NoiseLevel
+from adatracker_deploy.schema import Range
+from adatracker_deploy.world.path import PathName
+from adatracker_deploy.world.task import TaskSettings
+from adatracker_deploy.world.world import World
+
+RATE_HZ = 10.0
+"""Of learning and evaluation: the rate at which the published policy reproduced its scores."""
+MASK_SIZE = 64
+"""Masks are rendered at the networks' size: nothing is resampled, as at deployment with ``draw_size`` 64."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EpisodeSpec:
+    """One episode, to the bit: equal specs give equal episodes under equal actions."""
+
+    seed: Annotated[int, Range(0, 1 << 62)]
+    """Of the world, the body's and the masks' randomness; see `seeds`."""
+    embodiment: Embodiment = field(default_factory=Embodiment)
+    scene: str = "simple_room"
+    target_speed_m_s: Annotated[float, Range(0.05, 10)] = 1.0
+    path: PathName = "random_walk"
+    obstacles: bool = False
+    others: Annotated[int, Range(0, 20)] = 0
+    """Other people who walk about."""
+    crossing: Annotated[int, Range(0, 20)] = 0
+    """How many of the others make for the line of sight and linger there."""
+    noise: NoiseLevel = "none"
+
+    def world(self) -> World:
+        """Return the world, not stepped yet."""
+        return World(
+            self.scene,
+            seed=self.seed,
+            target_speed_m_s=self.target_speed_m_s,
+            path=self.path,
+            obstacles=self.obstacles,
+            others=self.others,
+            crossing=self.crossing,
+        )
+
+    def mask_noise(self) -> MaskNoise:
+        """Return what spoils this episode's masks."""
+        return MaskNoise.of_level(self.noise, seed=self.seed)
+
+    def task_settings(self, steps: int = 500) -> TaskSettings:
+        """Return the rules: 10 Hz, 64 x 64 masks, this body's field of view."""
+        return TaskSettings(
+            rate_hz=RATE_HZ,
+            steps=steps,
+            mask_size=(MASK_SIZE, MASK_SIZE),
+            fov_rad=math.radians(self.embodiment.fov_deg),
+        )

@@ -1,0 +1,25 @@
+"""How a camera must be tilted to see somebody who stands at the task's distance."""
+
+from __future__ import annotations
+
+import math
+
+from adatracker_deploy.trial.metrics import DESIRED_DISTANCE_M
+
+_CHEST_M = 1.3
+"""What has to be seen: the middle of a trunk. A level camera at 3 m sees it, at 90 degrees, and no legs."""
+_INNER = 0.9
+"""Within this share of half the field of view, by angle."""
+
+
+def pitch_in_view_deg(pitch_deg: float, height_m: float, fov_deg: float) -> float:
+    """Return the pitch nearest to `pitch_deg` (positive down) that has a person's chest in view at 2.5 m.
+
+    Args:
+        pitch_deg: as wished.
+        height_m: of the camera above the ground.
+        fov_deg: vertical field of view.
+    """
+    down_deg = math.degrees(math.atan2(height_m - _CHEST_M, DESIRED_DISTANCE_M))
+    reach_deg = _INNER * fov_deg / 2
+    return min(max(pitch_deg, down_deg - reach_deg), down_deg + reach_deg)
