@@ -69,8 +69,7 @@ class Keys:
     def _key(self, topic: str, type_name: str) -> str:
         if not topic:
             return ""
-        namespace = self.connection.namespace.strip("/")
-        name = f"{namespace}/{topic.strip('/')}".lstrip("/")
+        name = f"{self.connection.namespace}/{topic.lstrip('/')}".lstrip("/")
         if self.connection.dialect == "ros2dds":
             return name
         hashes = self.connection.type_hashes
@@ -84,7 +83,7 @@ def attachment(sequence: int, t_ns: int, gid: bytes) -> bytes:
     Args:
         sequence: counts the publisher's messages.
         t_ns: when it was sent, ns since 1970.
-        gid: the publisher's identity, 16 bytes.
+        gid: the publisher's identity; zeros fill it up to 16 bytes.
     """
     return _ATTACHMENT.pack(sequence, t_ns, GID_BYTES, gid)
 

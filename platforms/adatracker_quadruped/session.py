@@ -46,7 +46,6 @@ def zenoh_config(
         "connect/timeout_ms": _ms(connection.connect_timeout_s),
         "connect/exit_on_failure": True,
         "connect/retry": _RETRY,
-        "transport/unicast/open_timeout": _ms(connection.connect_timeout_s),  # of one silent handshake
         "transport/link/tx/lease": _ms(connection.lease_s),
         "transport/link/rx/max_message_size": _LARGEST_BYTES,
     }

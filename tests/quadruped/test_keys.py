@@ -133,6 +133,10 @@ def test_the_bytes_of_an_attachment_are_these():
     assert attachment(1, 2, gid).hex() == expected
 
 
+def test_a_short_identity_is_filled_up_with_zeros():
+    assert parse_attachment(attachment(1, 2, b"zid")) == (1, 2, b"zid" + bytes(13))
+
+
 @given(st.binary(max_size=80))
 def test_what_is_no_attachment_is_malformed(payload):
     if len(payload) == 33 and payload[16] == 16:

@@ -38,6 +38,8 @@ CAPS = {
     for decode in VALID
 }
 DECODERS = pytest.mark.parametrize("decode", VALID, ids=lambda decode: decode.__name__)
+MESSAGES = pytest.mark.parametrize("decode", list(VALID)[:-1], ids=lambda decode: decode.__name__)
+"""All but the attachment, which has one size."""
 HOSTILE_LENGTHS = [0, 1, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF, 0xFFFFFFFC, 4096, 1 << 24]
 HOSTILE_DOUBLES = [math.nan, math.inf, -math.inf, 1e308, -1e9, 5e-324]
 
@@ -123,13 +125,19 @@ def test_a_payload_cut_anywhere_is_malformed(decode):
         pytest.fail(f"{length} of {len(valid)} bytes were taken for a whole message")
 
 
-@DECODERS
+@MESSAGES
 def test_a_payload_above_its_cap_is_not_even_looked_at(decode):
-    with pytest.raises(Malformed):
+    with pytest.raises(Malformed, match="bytes are more than"):
         decode(VALID[decode] + bytes(CAPS[decode]))
 
 
-@pytest.mark.parametrize("decode", [decode for decode in VALID if decode is not parse_attachment])
+def test_a_valid_message_above_its_cap_is_malformed():
+    frame_id = "x" * protocol.SMALL_CAP_BYTES
+    with pytest.raises(Malformed, match="bytes are more than"):
+        messages.decode_twist_stamped(messages.encode_twist_stamped(WALK, 0, frame_id))
+
+
+@MESSAGES
 @pytest.mark.parametrize(
     "header", ["00020000", "00030000", "00060000", "00070000", "01010000", "ffff0000", ""]
 )
