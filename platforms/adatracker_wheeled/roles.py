@@ -100,9 +100,12 @@ class State:
     def __post_init__(self) -> None:
         _once("mode", self.ours + self.standby + self.remote)
         _once("condition", self.ok + self.emergency_stop)
-        _once("fault bit", tuple(self.faults.values()))
-        if not self.messages or not self.ours:
-            raise UsageError("roles: state: needs at least one message and one value of ours")
+        _once("error bit", (*self.faults.values(), *self.warnings))
+        if not self.messages or not self.ours or not self.ok:
+            raise UsageError("roles: state: messages, ours and ok each need at least one entry")
+        for name in self.faults:
+            if "," in name or not name.isascii():
+                raise UsageError(f"roles: state: fault name {name!r} must be ASCII without a comma")
 
 
 def _once(what: str, values: tuple[int, ...]) -> None:

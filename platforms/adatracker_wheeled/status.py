@@ -40,6 +40,10 @@ class StatusCodec:
             (self._condition, self._state.ok + self._state.emergency_stop),
             (self._errors, tuple(1 << bit for bit in self._faults)),
         )
+        if self._errors and (self._errors.low < 0 or self._errors.float_format):
+            raise UsageError(
+                f"{self.layout.where}: {self.layout.name}.{self._errors.name}: error bits must be unsigned"
+            )
         for signal, raws in meant:
             for raw in raws:
                 if signal is not None and not signal.low <= raw <= signal.high:
