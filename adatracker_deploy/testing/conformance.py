@@ -150,9 +150,9 @@ class PlatformConformance:
         assert wrap_angle(_pose(engaged).yaw - heading) > self.turn_rad_s
 
     def test_send_returns_what_was_sent(self, engaged: Platform) -> None:
-        """An axis that the robot has no use for comes back as zero; forward and yaw come back unchanged."""
+        """An axis that the robot has no use for comes back as zero; forward and yaw as the wire rounds them."""
         sent = engaged.send(Twist(vx=self.cruise_m_s, vy=0.1, vz=0.0, yaw_rate=0.2), engaged.clock.now_ns())
-        assert (sent.vx, sent.yaw_rate) == (self.cruise_m_s, 0.2)
+        assert (sent.vx, sent.yaw_rate) == pytest.approx((self.cruise_m_s, 0.2), rel=0.05)
         for axis in {field.name for field in dataclasses.fields(Twist)} - self.platform_class.axes:
             assert getattr(sent, axis) == 0.0
 
@@ -286,7 +286,11 @@ class PlatformConformance:
             platform.connect()
             platform.close()
             threads.append(_thread_count())
-        assert threads[2] <= threads[0]
+        machine = MonotonicClock()
+        give_up_ns = machine.now_ns() + 1_000_000_000
+        while _thread_count() > threads[0] and machine.now_ns() < give_up_ns:
+            machine.sleep_until(machine.now_ns() + 1_000_000)  # a joined thread takes a moment to vanish
+        assert _thread_count() <= threads[0]
 
     def test_the_body_is_deterministic_by_seed(self, profile: Profile) -> None:
         """The same seed and commands give bit-equal poses, also of a body that was used before."""

@@ -1,4 +1,4 @@
-"""The CAN bus: the only module that uses python-can.
+"""The CAN bus, by one of python-can's drivers: the only module besides `driver` that knows it.
 
 One thread of our own receives (a python-can ``Notifier`` dies with its first error); frames are stamped when
 they arrive, since drivers disagree on time stamps. Whatever ends a bus is latched in `Bus.lost`: nothing is
@@ -7,9 +7,7 @@ sent on it any more, and only opening a new one helps.
 
 from __future__ import annotations
 
-import difflib
 import errno
-import logging
 import select
 import socket
 import threading
@@ -18,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 import can
 
-from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.errors import PlatformError
+from adatracker_wheeled.driver import line_of, open_driver
 from adatracker_wheeled.protocol import CanFrame
 
 if TYPE_CHECKING:
@@ -26,10 +25,6 @@ if TYPE_CHECKING:
 
     from adatracker_wheeled.connection import Connection
 
-logging.getLogger("can").addHandler(logging.NullHandler())  # errors are raised; no second line on stderr
-
-ANSWER_TIMEOUT_S = 1.5
-"""For a socketcand to answer; python-can would try for 10 s to connect, and wait for ever for an answer."""
 STUCK_S = 0.1
 """A bus that takes no frame for so long is lost."""
 _LOOK_S = 0.05
@@ -37,8 +32,6 @@ _LOOK_S = 0.05
 _SEND_TIMEOUT_S = 0.1
 _BUS_OFF = 0x40
 """CAN_ERR_BUSOFF in the id of an error frame (linux/can/error.h)."""
-_SET_ELSEWHERE = ("socketcan", "socketcand", "virtual")
-"""Interfaces whose bit rate this side has no say in."""
 
 
 class Bus:
@@ -73,35 +66,10 @@ class Bus:
         """Open the bus of a profile's ``connection:``.
 
         Raises:
-            UsageError: no such interface, a driver that is not installed, or settings that it refuses.
-            PlatformError: no such device, it is in use, or nobody answers; said within 2 s.
+            UsageError, PlatformError: as `open_driver`.
         """
-        interface, options = connection.interface, _options(connection)
-        if interface not in can.VALID_INTERFACES:
-            near = difflib.get_close_matches(interface, sorted(can.VALID_INTERFACES), n=1)
-            hint = (
-                f"did you mean {near[0]!r}?"
-                if near
-                else f"there are {', '.join(sorted(can.VALID_INTERFACES))}"
-            )
-            raise UsageError(f"connection: python-can has no interface {interface!r}; {hint}")
-        if interface == "socketcand":
-            _shake_hands(connection.host, connection.port, connection.channel)
-        name = f"{connection.channel} ({interface})"
-        try:
-            driver = can.Bus(interface=interface, channel=connection.channel, ignore_config=True, **options)
-        except can.CanInterfaceNotImplementedError as error:
-            raise UsageError(f"connection: interface {interface} lacks its driver: {_line(error)}") from error
-        except (can.CanError, OSError) as error:
-            raise PlatformError(
-                f"CAN bus {name} cannot be opened: {_line(error)}; plug the adapter in, bring the bus up "
-                "(ip link set can0 up type can bitrate 500000), or name another in connection.channel"
-            ) from error
-        except (TypeError, ValueError) as error:
-            raise UsageError(
-                f"connection: interface {interface} refuses its settings: {_line(error)}"
-            ) from error
-        return cls(driver, name, hear)
+        name = f"{connection.channel} ({connection.interface})"
+        return cls(open_driver(connection), name, hear)
 
     def send(self, frame: CanFrame) -> bool:
         """Send one frame now or never; return whether the bus took it.
@@ -117,7 +85,7 @@ class Bus:
                 self._driver.send(message)
             except (can.CanError, OSError) as error:
                 if not _is_full(error):
-                    raise self._lose(_line(error)) from error
+                    raise self._lose(line_of(error)) from error
                 self.dropped += 1
                 now_s = time.monotonic()
                 self._full_since_s = self._full_since_s or now_s
@@ -142,7 +110,7 @@ class Bus:
                     break
                 self._hear(self._to_frame(message))
         except Exception as error:  # drivers raise what they like; none of it may pass for a silent bus
-            self._lose(_line(error))
+            self._lose(line_of(error))
         if not self._closed:
             self._hear(None)
 
@@ -166,31 +134,6 @@ class Bus:
         return PlatformError(self.lost)
 
 
-def _options(connection: Connection) -> dict[str, Any]:
-    if connection.interface == "socketcand":
-        return {"host": connection.host, "port": connection.port, "tcp_tune": True}
-    return {} if connection.interface in _SET_ELSEWHERE else {"bitrate": connection.bitrate}
-
-
-def _shake_hands(host: str, port: int, channel: str) -> None:
-    """Find out whether a socketcand answers for this bus, on a connection of its own."""
-    what = f"no socketcand answers for {channel} on {host}:{port}"
-    deadline_s = time.monotonic() + ANSWER_TIMEOUT_S
-    try:
-        with socket.create_connection((host, port), ANSWER_TIMEOUT_S) as probe:
-            for say, expect in ((b"", b"< hi >"), (f"< open {channel} >".encode(), b"< ok >")):
-                probe.settimeout(max(0.01, deadline_s - time.monotonic()))
-                probe.sendall(say)
-                if (answer := probe.recv(64)) != expect:
-                    raise PlatformError(
-                        f"{what}: it says {answer!r:.40}, where {expect.decode()} was expected"
-                    )
-    except OSError as error:
-        raise PlatformError(
-            f"{what} ({_line(error)}): start it there, or mend connection.host, port and channel"
-        ) from error
-
-
 def _stream(driver: Any) -> socket.socket | None:
     """Return the TCP connection that a driver speaks through, if it does; made unable to block for long."""
     for value in vars(driver).values():
@@ -208,9 +151,3 @@ def _ended(stream: socket.socket) -> bool:
 def _is_full(error: Exception) -> bool:
     code = getattr(error, "error_code", None) or getattr(error, "errno", None)
     return code == errno.ENOBUFS or "Transmit buffer full" in str(error)
-
-
-def _line(error: Exception) -> str:
-    """Return an error's first line, short."""
-    text = getattr(error, "strerror", None) or str(error) or type(error).__name__
-    return str(text).splitlines()[0][:120]

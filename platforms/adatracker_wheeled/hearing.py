@@ -105,14 +105,16 @@ class Trouble:
     reason: str
     taken: bool = False
     """Somebody else has the base: it is left to them."""
+    by_hand: bool = False
+    """Somebody at the robot wanted it: with the remote control or the emergency stop."""
 
 
 def unfit(status: BaseStatus) -> Trouble | None:
     """Return what in the base's own report forbids to drive it in any mode."""
     if status.mode == "remote":
-        return Trouble("the base is under remote control", taken=True)
+        return Trouble("the base is under remote control", taken=True, by_hand=True)
     if status.emergency_stop:
-        return Trouble("the base's emergency stop is pressed")
+        return Trouble("the base's emergency stop is pressed", by_hand=True)
     if status.fault:
         return Trouble(f"the base reports: {status.fault}")
     return None
@@ -134,7 +136,8 @@ def trouble(heard: Heard, timing: Timing, now_ns: int, speed: float) -> Trouble 
     if found := unfit(status):
         return found
     if status.mode != "ours":
-        return Trouble(f"the base went to {status.mode_name} by itself or by somebody else", taken=True)
+        why = f"the base went to {status.mode_name} by its own or by somebody else's will"
+        return Trouble(why, taken=True, by_hand=True)
     motion_age_s = (now_ns - heard.motion_t_ns) / 1e9 / speed
     if motion_age_s > timing.feedback_timeout_s:
         return Trouble(f"no measured motion from the base for {motion_age_s:.2f} s")

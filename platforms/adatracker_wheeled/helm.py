@@ -33,12 +33,14 @@ class Helm:
         """The base was enabled by this side and by nobody else since: this side has to disable it."""
         self.stopped = ""
         """Why consent went; empty while nothing unusual has happened."""
+        self.taken_over = False
+        """Consent went because somebody at the robot wanted it so."""
         self._consent = False
 
     def give_consent(self) -> None:
         """Let commands out; forgets why they were stopped."""
         with self.lock:
-            self._consent, self.stopped = True, ""
+            self._consent, self.stopped, self.taken_over = True, "", False
 
     def require_consent(self) -> None:
         """Do nothing, or raise PlatformError when consent has gone."""
@@ -87,4 +89,5 @@ class Helm:
         with self.lock:
             if trouble.taken:
                 self.let_go()
+            self.taken_over = self.taken_over or (trouble.by_hand and not self.stopped)
             self.withdraw(trouble.reason)

@@ -146,6 +146,7 @@ class WheeledPlatform(Platform):
             velocity=heard.motion,
             battery=heard.battery,
             stopped=self._helm.stopped,
+            taken_over=self._helm.taken_over,
         )
 
     def hold(self, reason: str) -> None:

@@ -1,0 +1,99 @@
+"""python-can's driver for a profile's bus, opened within 2 s or refused in a sentence."""
+
+from __future__ import annotations
+
+import difflib
+import logging
+import socket
+import time
+from typing import TYPE_CHECKING, Any
+
+import can
+
+from adatracker_deploy.errors import PlatformError, UsageError
+
+if TYPE_CHECKING:
+    from adatracker_wheeled.connection import Connection
+
+logging.getLogger("can").addHandler(logging.NullHandler())  # errors are raised; no second line on stderr
+
+ANSWER_TIMEOUT_S = 1.5
+"""For a socketcand to answer; python-can would try for 10 s to connect, and wait for ever for an answer."""
+_ATTEMPTS = 5
+"""python-can takes a frame right behind socketcand's last answer for a wrong one: on a busy bus, try again."""
+_SET_ELSEWHERE = ("socketcan", "socketcand", "virtual")
+"""Interfaces whose bit rate this side has no say in."""
+
+
+def open_driver(connection: Connection) -> Any:
+    """Return python-can's open bus.
+
+    Raises:
+        UsageError: no such interface, a driver that is not installed, or settings that it refuses.
+        PlatformError: no such device, it is in use, or nobody answers; said within 2 s.
+    """
+    interface = connection.interface
+    _check_interface(interface)
+    if interface == "socketcand":
+        _shake_hands(connection.host, connection.port, connection.channel)
+    try:
+        return _open(connection)
+    except can.CanInterfaceNotImplementedError as error:
+        raise UsageError(f"connection: interface {interface} lacks its driver: {line_of(error)}") from error
+    except (can.CanError, OSError) as error:
+        raise PlatformError(
+            f"CAN bus {connection.channel} ({interface}) cannot be opened: {line_of(error)}; plug the "
+            "adapter in, bring the bus up (ip link set can0 up type can bitrate 500000), or mend "
+            "connection.channel"
+        ) from error
+    except (TypeError, ValueError) as error:
+        raise UsageError(
+            f"connection: interface {interface} refuses its settings: {line_of(error)}"
+        ) from error
+
+
+def line_of(error: Exception) -> str:
+    """Return an error's first line, short."""
+    text = getattr(error, "strerror", None) or str(error) or type(error).__name__
+    return str(text).splitlines()[0][:120]
+
+
+def _open(connection: Connection) -> Any:
+    interface, options = connection.interface, {}
+    if interface == "socketcand":
+        options = {"host": connection.host, "port": connection.port, "tcp_tune": True}
+    elif interface not in _SET_ELSEWHERE:
+        options = {"bitrate": connection.bitrate}
+    for attempt in range(_ATTEMPTS):
+        try:
+            return can.Bus(interface=interface, channel=connection.channel, ignore_config=True, **options)
+        except can.CanError:
+            if interface != "socketcand" or attempt == _ATTEMPTS - 1:
+                raise
+    raise AssertionError("the last attempt returns or raises")
+
+
+def _check_interface(interface: str) -> None:
+    if interface not in can.VALID_INTERFACES:
+        known = sorted(can.VALID_INTERFACES)
+        near = difflib.get_close_matches(interface, known, n=1)
+        hint = f"did you mean {near[0]!r}?" if near else f"it has {', '.join(known)}"
+        raise UsageError(f"connection: python-can has no interface {interface!r}; {hint}")
+
+
+def _shake_hands(host: str, port: int, channel: str) -> None:
+    """Find out whether a socketcand answers for this bus, on a connection of its own."""
+    what = f"no socketcand answers for {channel} on {host}:{port}"
+    deadline_s = time.monotonic() + ANSWER_TIMEOUT_S
+    try:
+        with socket.create_connection((host, port), ANSWER_TIMEOUT_S) as probe:
+            for say, expect in ((b"", b"< hi >"), (f"< open {channel} >".encode(), b"< ok >")):
+                probe.settimeout(max(0.01, deadline_s - time.monotonic()))
+                probe.sendall(say)
+                if (answer := probe.recv(64)) != expect:
+                    said = repr(answer)[1:40]
+                    raise PlatformError(f"{what}: it says {said}, where {expect.decode()!r} was expected")
+    except OSError as error:
+        raise PlatformError(
+            f"{what} ({line_of(error)}): start it there, or mend connection.host, port and channel"
+        ) from error

@@ -1,0 +1,108 @@
+"""A simulated base on a virtual CAN bus in this process, and what tests do with an adapter on it."""
+
+import contextlib
+import dataclasses
+import itertools
+import threading
+import time
+
+import can
+
+from adatracker_deploy.platform import Scenario, Sitl
+from adatracker_deploy.profile import load_profile
+from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_wheeled.bus import Bus
+from adatracker_wheeled.far_end import FarEnd
+from adatracker_wheeled.injection import injection
+from adatracker_wheeled.platform import WheeledPlatform
+
+_numbers = itertools.count()
+
+
+def base_profile(name="scout", *, channel=None, **sitl):
+    """A shipped profile on a virtual bus of its own."""
+    profile = load_profile(name, WheeledPlatform)
+    channel = channel or f"test-{next(_numbers)}"
+    return dataclasses.replace(
+        profile,
+        connection=dataclasses.replace(profile.connection, interface="virtual", channel=channel),
+        sitl=dataclasses.replace(profile.sitl, **sitl),
+    )
+
+
+class InProcess(Sitl):
+    """The far end of `WheeledSitl`, in a thread and behind a virtual bus."""
+
+    def __init__(self, profile):
+        self._profile = profile
+        self._ended = threading.Event()
+        self._thread = None
+
+    def start(self, clock, scenario):
+        connection, sitl = self._profile.connection, self._profile.sitl
+        self.far_end = FarEnd(connection.roles, sitl, scenario, clock)
+        self.bus = Bus.open(connection, lambda frame: self.far_end.hear(frame) if frame else None)
+        self._thread = threading.Thread(target=self.far_end.serve, args=(self.bus.send, self._ended))
+        self._thread.start()
+        return self._profile
+
+    def inject(self, fault, *, begin=True):
+        self.far_end.hear(injection(fault, begin=begin))
+
+    def close(self):
+        self._ended.set()
+        if self._thread is not None:
+            self._thread.join()
+            self.bus.close()
+
+
+class Tap:
+    """Somebody else on a virtual bus, who writes down what the adapter sends."""
+
+    def __init__(self, profile):
+        self._bus = can.Bus(interface="virtual", channel=profile.connection.channel)
+
+    def frames(self):
+        """Every frame since the last call, the base's own among them."""
+        return list(iter(lambda: self._bus.recv(0), None))
+
+    def commands(self):
+        """What the adapter has sent since the last call, as (id, data)."""
+        return [(m.arbitration_id, bytes(m.data)) for m in self.frames() if m.arbitration_id in COMMANDS]
+
+    def send(self, number, data, *, extended=False):
+        self._bus.send(can.Message(arbitration_id=number, data=data, is_extended_id=extended))
+
+    def close(self):
+        self._bus.shutdown()
+
+
+COMMANDS = {0x111, 0x421, 0x441, 0x131}
+"""Of AgileX's protocol v2, towards the base."""
+STANDBY, COMMAND_MODE, STILL = (0x421, b"\x00"), (0x421, b"\x01"), (0x111, bytes(8))
+
+
+@contextlib.contextmanager
+def drive(profile=None, speed=1.0):
+    """A connected adapter and its base; give (adapter, far end)."""
+    profile, clock = profile or base_profile(), MonotonicClock(speed)
+    with InProcess(profile) as sitl, WheeledPlatform(sitl.start(clock, Scenario(seed=1)), clock) as platform:
+        platform.connect()
+        yield platform, sitl
+
+
+def send_for(platform, command, seconds):
+    """Send at 50 Hz, as the link does."""
+    start_ns = platform.clock.now_ns()
+    for tick in range(round(seconds * 50)):
+        platform.clock.sleep_until(start_ns + tick * 20_000_000)
+        platform.send(command, platform.clock.now_ns())
+
+
+def until(condition, within_s=5.0):
+    """Wait for a condition; return the seconds that it took."""
+    pause, begin_s = threading.Event(), time.monotonic()
+    while not condition():
+        assert time.monotonic() - begin_s < within_s, "waited in vain"
+        pause.wait(0.002)
+    return time.monotonic() - begin_s
