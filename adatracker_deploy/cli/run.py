@@ -116,7 +116,8 @@ def _plan(args: argparse.Namespace, name: str) -> TrialPlan:
     platform = load_platform(name)
     profile = load_profile(args.profile or platform.default_profile, platform)
     uri = args.camera or profile.camera.uri
-    check_uri(uri)
+    if args.camera or not args.sitl:  # a far end brings its own
+        check_uri(uri)
     scene = scene_of(uri)
     if args.scene and args.camera and scene is not None:
         raise UsageError(f"--scene NAME is short for --camera {WORLD}NAME: give one of them")

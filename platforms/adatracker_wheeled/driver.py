@@ -20,7 +20,7 @@ logging.getLogger("can").addHandler(logging.NullHandler())  # errors are raised;
 ANSWER_TIMEOUT_S = 1.5
 """For a socketcand to answer; python-can would try for 10 s to connect, and wait for ever for an answer."""
 _ATTEMPTS = 5
-"""python-can takes a frame right behind socketcand's last answer for a wrong one: on a busy bus, try again."""
+"""On a busy bus python-can takes a frame right behind socketcand's last answer for a wrong answer."""
 _SET_ELSEWHERE = ("socketcan", "socketcand", "virtual")
 """Interfaces whose bit rate this side has no say in."""
 
