@@ -36,7 +36,7 @@ class Capture:
         ValueError: it cannot be opened, or its pictures are larger than may be decoded.
     """
 
-    def __init__(self, target: str, backend: int = cv2.CAP_ANY, settings: Sequence[int] = ()) -> None:
+    def __init__(self, target: str, backend: int = cv2.CAP_FFMPEG, settings: Sequence[int] = ()) -> None:
         os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", _FFMPEG_QUIET)
         cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
         self._capture = cv2.VideoCapture(target, backend, list(settings))

@@ -73,4 +73,4 @@ class VideoCamera(LiveCamera):
             return Capture(self._uri.removeprefix(GSTREAMER), cv2.CAP_GSTREAMER)
         if self._uri.startswith(DEVICE):
             return Capture(self._uri, cv2.CAP_V4L2)
-        return Capture(self._uri, cv2.CAP_FFMPEG, _STREAM_SETTINGS)
+        return Capture(self._uri, settings=_STREAM_SETTINGS)

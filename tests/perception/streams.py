@@ -67,3 +67,14 @@ def serving(answer, *, needs_request=True):
                 each.shutdown(socket.SHUT_RDWR)
             each.close()
         thread.join(5)
+
+
+def film(path, pictures, rate_hz=25.0):
+    """Write an AVI of JPEGs by OpenCV's own writer, which leaves FFmpeg alone; returns its path."""
+    height, width = pictures[0].shape[:2]
+    codec = cv2.VideoWriter_fourcc(*"MJPG")
+    writer = cv2.VideoWriter(str(path), cv2.CAP_OPENCV_MJPEG, codec, rate_hz, (width, height))
+    for rgb in pictures:
+        writer.write(cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR))
+    writer.release()
+    return path

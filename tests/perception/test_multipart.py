@@ -29,7 +29,7 @@ def stream(bodies, end, dashes, with_length):
     st.booleans(),
     st.lists(st.integers(0, 2000), max_size=30),
 )
-@example([b"", b""], b"\n", b"--", with_length=False, cuts=[])
+@example(bodies=[b"", b""], end=b"\n", dashes=b"--", with_length=False, cuts=[])
 def test_every_part_comes_out_whole_however_the_stream_is_cut(bodies, end, dashes, with_length, cuts):
     if not with_length:  # then nothing but the boundary tells where a body ends
         bodies = [body.rstrip(b"\r\n-") for body in bodies]

@@ -1,0 +1,114 @@
+"""A camera's URI means one thing, or is refused in a sentence before anything starts."""
+
+from __future__ import annotations
+
+import contextlib
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from streams import film, picture
+
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.perception.camera import without_password
+from adatracker_deploy.perception.file import FileCamera
+from adatracker_deploy.perception.mjpeg import MjpegCamera
+from adatracker_deploy.perception.sources import KNOWN, check_uri, open_source
+from adatracker_deploy.perception.video import VideoCamera
+from adatracker_deploy.runtime.clock import FakeClock
+
+
+@pytest.mark.parametrize(
+    ("uri", "kind"),
+    [
+        ("http://10.0.0.7:8080/stream?topic=/camera", MjpegCamera),
+        ("https://guard:secret@camera.local/video", MjpegCamera),
+        ("HTTP://[::1]/", MjpegCamera),
+        ("rtsp://guard:secret@10.0.0.7/h264", VideoCamera),
+        ("rtsps://10.0.0.7:322/h264", VideoCamera),
+        ("udp://0.0.0.0:5600", VideoCamera),
+        ("tcp://127.0.0.1:5000", VideoCamera),
+        ("/dev/null", VideoCamera),
+    ],
+)
+def test_each_address_means_its_kind_of_camera(uri, kind):
+    assert type(open_source(uri, FakeClock())) is kind
+
+
+def test_a_path_means_a_video_file(tmp_path):
+    path = film(tmp_path / "clip.avi", [picture()] * 3)
+    camera = open_source(str(path), FakeClock())
+    assert type(camera) is FileCamera
+    camera.open()
+    assert camera.read(1).rgb.shape == (48, 64, 3)
+    camera.close()
+
+
+@pytest.mark.parametrize("uri", ["world://simple_room", "robot://camera/image"])
+def test_what_belongs_to_a_run_is_right_but_cannot_be_opened_alone(uri):
+    check_uri(uri)
+    with pytest.raises(UsageError, match="only a run with its robot"):
+        open_source(uri, FakeClock())
+
+
+@pytest.mark.parametrize(
+    ("uri", "sentence"),
+    [
+        ("", "expected a device"),
+        ("robot://", "expected world://SCENE or robot://TOPIC"),
+        ("world://", "expected world://SCENE or robot://TOPIC"),
+        (
+            "ftp://10.0.0.7/clip.avi",
+            "unknown scheme ftp://; expected a device .*rtsp.*udp.*gst:.*robot://TOPIC",
+        ),
+        ("http://", "names no host"),
+        ("rtsp:///cam", "names no host"),
+        ("http://h:65536/", "out of range"),
+        ("http://h:0/", "0 is not a port"),
+        ("rtsp://h:port/", "port"),
+        ("rtsp://[::1/", "IPv6"),
+        ("udp://10.0.0.7", "names no port; expected udp://HOST:PORT"),
+        ("http://h/a b", "no spaces or special characters"),
+        ("http://h/a\r\nX-Evil: 1", "no spaces or special characters"),
+        ("no-such-file.mp4", "no such file"),
+        ("987", "there is no device /dev/video987; cameras here: "),
+        ("/dev/video987", "there is no device /dev/video987"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_sentence(uri, sentence):
+    for refuse in (check_uri, lambda uri: open_source(uri, FakeClock())):
+        with pytest.raises(UsageError, match=f"^camera .*{sentence}") as raised:
+            refuse(uri)
+        assert "\n" not in str(raised.value)
+
+
+def test_a_folder_is_no_video_file(tmp_path):
+    with pytest.raises(UsageError, match="is not a video file"):
+        check_uri(str(tmp_path))
+
+
+def test_a_pipeline_is_refused_where_opencv_has_no_gstreamer_and_where_it_has_no_end():
+    with pytest.raises(UsageError, match=r"no GStreamer.*install one that has|must end in"):
+        check_uri("gst:videotestsrc")
+
+
+def test_a_refusal_lists_what_there_is():
+    with pytest.raises(UsageError) as raised:
+        check_uri("smb://nas/clip.avi")
+    assert KNOWN in str(raised.value)
+
+
+@given(
+    st.text(max_size=40), st.sampled_from(["", "http://", "rtsp://", "tcp://", "gst:", "/dev/", "world://"])
+)
+def test_any_text_is_taken_or_refused_and_nothing_else(text, beginning):
+    with contextlib.suppress(UsageError):
+        check_uri(beginning + text)
+
+
+@given(st.sampled_from(["http", "rtsp"]), st.from_regex(r"[a-z]{1,8}(:[a-z@:]{1,8})?", fullmatch=True))
+def test_a_password_is_never_shown(scheme, user):
+    assert without_password(f"{scheme}://{user}@h:80/a@b?c=d@e") == f"{scheme}://h:80/a@b?c=d@e"
+    with pytest.raises(UsageError) as raised:
+        check_uri(f"{scheme}://{user}zzz@h:0/")
+    assert "zzz" not in str(raised.value)
