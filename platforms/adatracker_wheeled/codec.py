@@ -6,15 +6,17 @@ The adapter uses `command`, `enable` ... and `parse`; the simulated far end uses
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 from itertools import product
 
 from adatracker_deploy.errors import PlatformError, UsageError
 from adatracker_deploy.platform import Limits, Twist
+from adatracker_wheeled.dbc import Database, Layout, Raw
 from adatracker_wheeled.dispatch import Dispatch, Gather, Reader, Told
 from adatracker_wheeled.drive import CREEP_M_S, Drive
-from adatracker_wheeled.layout import Database, Layout, Raw
-from adatracker_wheeled.part import Part, Quantities
+from adatracker_wheeled.part import Link, Part, Quantities
 from adatracker_wheeled.protocol import BaseStatus, CanFrame, Demand, Malformed, Reading
 from adatracker_wheeled.roles import Fixed, Linked, Roles
 from adatracker_wheeled.status import StatusCodec, worst
@@ -38,7 +40,8 @@ class Codec:
         Raises:
             UsageError: one line that names the role, the file, the message and the signal.
         """
-        self._database = Database(roles.dbc, roles.checksum)
+        with _role("dbc"):
+            self._database = Database(roles.dbc, roles.checksum)
         self._roles = roles
         self._drive = Drive(roles.wheels, roles.steering)
         self._command = self._parts("command", roles.command)
@@ -46,24 +49,27 @@ class Codec:
         self._odometry = self._parts("odometry", roles.odometry)
         self._battery = self._parts("battery", roles.battery)
         self._requests = {name: self._parts(name, getattr(roles, name)) for name in _REQUESTS}
-        self._states = [
-            StatusCodec(roles.state, self._database.layout(name, "state")) for name in roles.state.messages
-        ]
+        with _role("state"):
+            self._states = [
+                StatusCodec(roles.state, self._database.layout(name)) for name in roles.state.messages
+            ]
         self._from_base = self._listen_to_base()
         self._to_base = self._listen_to_commands()
-        for part in self._command:
-            for link in part.links:
+        with _role("command"):
+            for part, link in self._command_links():
                 if link.signal.exact(0.0) is None:
                     raise UsageError(
-                        f"{part.layout.where}: {part.layout.name}.{link.signal.name} cannot say zero"
+                        f"{part.layout.dbc}: {part.layout.name}.{link.signal.name} cannot say zero"
                     )
 
     def _parts(self, role: str, described: tuple[Linked, ...] | tuple[Fixed, ...]) -> tuple[Part, ...]:
-        return tuple(
-            Part.of(each, self._database.layout(each.message, role), self._roles.wheels) for each in described
-        )
+        with _role(role):
+            return tuple(
+                Part.of(each, self._database.layout(each.message), self._roles.wheels) for each in described
+            )
 
-    # ---- towards the base
+    def _command_links(self) -> list[tuple[Part, Link]]:
+        return [(part, link) for part in self._command for link in part.links]
 
     def command(self, twist: Twist, count: int = 0) -> tuple[Twist, tuple[CanFrame, ...]]:
         """Return the velocity that the frames really say (clipped, rounded, steered), and the frames.
@@ -115,18 +121,14 @@ class Codec:
         turns = (limits.yaw_rate_rad_s, -limits.yaw_rate_rad_s)
         for vx, yaw_rate in product(speeds, turns):
             values = self._drive.quantities(Twist(vx=vx, yaw_rate=yaw_rate))
-            for part in self._command:
-                for link in part.links:
-                    low, high = link.span
-                    value = values[link.quantity]
-                    if not low - 1e-9 <= value <= high + 1e-9:
-                        raise UsageError(
-                            f"{part.layout.where}: {part.layout.name}.{link.signal.name} says "
-                            f"{link.quantity} from {low:.4g} to {high:.4g}, but the profile's limits reach "
-                            f"{value:.4g}: lower them"
-                        )
-
-    # ---- from the base
+            for part, link in self._command_links():
+                (low, high), value = link.span, values[link.quantity]
+                if not low - 1e-9 <= value <= high + 1e-9:
+                    raise UsageError(
+                        f"roles: command: {part.layout.dbc}: {part.layout.name}.{link.signal.name} says "
+                        f"{link.quantity} from {low:.4g} to {high:.4g}, but the profile's limits reach "
+                        f"{value:.4g}: lower them"
+                    )
 
     def parse(self, frame: CanFrame) -> Reading | None:
         """Return what a received frame tells, or None when no role names it.
@@ -152,8 +154,6 @@ class Codec:
         for index, state in enumerate(self._states):
             dispatch.add(state.layout, _state_reader(gather, index, state))
         return dispatch
-
-    # ---- the far end
 
     def parse_command(self, frame: CanFrame) -> Demand | None:
         """Return what a frame asks of the base, or None when no role of that direction names it.
@@ -181,7 +181,8 @@ class Codec:
         Raises:
             UsageError: the profile names no way to say it.
         """
-        return self._frames([state.layout for state in self._states], reading, count)
+        with _role("state"):
+            return self._frames([state.layout for state in self._states], reading, count)
 
     def feedback_frames(self, reading: Reading, count: int = 0) -> tuple[CanFrame, ...]:
         """Return the messages of the feedback and odometry roles: measured velocity, and wheels that wrap."""
@@ -214,6 +215,15 @@ class Codec:
             for part in self._odometry:
                 values |= {link.quantity: link.wrapped(values[link.quantity]) for link in part.links}
         return values
+
+
+@contextmanager
+def _role(name: str) -> Iterator[None]:
+    """Say in which role a mistake was found."""
+    try:
+        yield
+    except UsageError as error:
+        raise UsageError(f"roles: {name}: {error}") from error
 
 
 def _state_reader(gather: Gather[BaseStatus], index: int, state: StatusCodec) -> Reader:

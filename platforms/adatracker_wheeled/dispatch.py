@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, Generic, TypeVar
 
-from adatracker_wheeled.layout import Layout, Raw
+from adatracker_deploy.errors import UsageError
+from adatracker_wheeled.dbc import Layout, Raw
 from adatracker_wheeled.part import Part, Quantities
 from adatracker_wheeled.protocol import CanFrame
 
@@ -39,8 +40,15 @@ class Dispatch:
         self._known: dict[tuple[int, bool], tuple[Layout, list[Reader]]] = {}
 
     def add(self, layout: Layout, reader: Reader) -> None:
-        """Let a reader see every well-formed frame of a message."""
-        self._known.setdefault((layout.id, layout.extended), (layout, []))[1].append(reader)
+        """Let a reader see every well-formed frame of a message.
+
+        Raises:
+            UsageError: another message has the same id.
+        """
+        known, readers = self._known.setdefault((layout.id, layout.extended), (layout, []))
+        if known is not layout:
+            raise UsageError(f"{layout.dbc}: {known.name} and {layout.name} have the same id {layout.id:#x}")
+        readers.append(reader)
 
     def add_parts(self, parts: Sequence[Part], tell: Callable[[Quantities], Told]) -> None:
         """Tell what several messages carry together, each time that all of them have come."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from adatracker_deploy.errors import UsageError
-from adatracker_wheeled.layout import Layout, Raw, Signal
+from adatracker_wheeled.dbc import Layout, Raw, Signal
 from adatracker_wheeled.roles import WHEEL_ANGLES, Fixed, Linked, Scaled, Wheels, at_rim
 
 Quantities = dict[str, float]
@@ -92,7 +92,7 @@ class Part:
 def _link(quantity: str, to: str | Scaled, layout: Layout, wheels: Wheels | None) -> Link:
     name, factor = (to.signal, to.scale) if isinstance(to, Scaled) else (to, 1.0)
     if factor == 0:
-        raise UsageError(f"{layout.where}: {layout.name}.{name}: scale must not be 0")
+        raise UsageError(f"{layout.dbc}: {layout.name}.{name}: scale must not be 0")
     if quantity in WHEEL_ANGLES and wheels is not None and wheels.radius_m is not None:
         factor *= WHEEL_ANGLES[quantity][1] * wheels.radius_m
     return Link(at_rim(quantity), layout.signal(name), factor)
@@ -104,6 +104,6 @@ def _exact(layout: Layout, name: str, value: float) -> Raw:
     if raw is None:
         low, high = signal.span
         raise UsageError(
-            f"{layout.where}: {layout.name}.{name} is never {value:g}; it reaches from {low:g} to {high:g}"
+            f"{layout.dbc}: {layout.name}.{name} is never {value:g}; it reaches from {low:g} to {high:g}"
         )
     return raw

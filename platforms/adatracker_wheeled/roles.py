@@ -79,7 +79,7 @@ class State:
     messages: tuple[str, ...]
     """One, or one an axis with the same signals: the base is what the worst of them says."""
     mode: str
-    """The signal that tells who drives; its values are listed next."""
+    """The signal that tells who drives; its values are listed next, as raw numbers."""
     ours: tuple[int, ...]
     standby: tuple[int, ...] = ()
     """Also a value that means standby or remote control: such a base tells which by refusing to enable."""

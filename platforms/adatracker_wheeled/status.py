@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from adatracker_deploy.errors import UsageError
-from adatracker_wheeled.layout import Layout, Raw, Signal
+from adatracker_wheeled.dbc import Layout, Raw, Signal
 from adatracker_wheeled.protocol import BaseStatus, Mode
 from adatracker_wheeled.roles import State
 
@@ -42,12 +42,12 @@ class StatusCodec:
         )
         if self._errors and (self._errors.low < 0 or self._errors.float_format):
             raise UsageError(
-                f"{self.layout.where}: {self.layout.name}.{self._errors.name}: error bits must be unsigned"
+                f"{self.layout.dbc}: {self.layout.name}.{self._errors.name}: error bits must be unsigned"
             )
         for signal, raws in meant:
             for raw in raws:
                 if signal is not None and not signal.low <= raw <= signal.high:
-                    raise UsageError(f"{self.layout.where}: {self.layout.name}.{signal.name} is never {raw}")
+                    raise UsageError(f"{self.layout.dbc}: {self.layout.name}.{signal.name} is never {raw}")
 
     def read(self, raws: dict[str, Raw]) -> BaseStatus:
         """Tell what the signals of one message mean; a value that no list names is unknown, or a fault."""
@@ -85,7 +85,7 @@ class StatusCodec:
         if self._condition:
             raws[self._condition.name] = self._raw_condition(self._condition, status)
         elif status.emergency_stop or (status.fault and not bits):
-            raise UsageError("roles: state: names no signal that can tell of that fault or emergency stop")
+            raise UsageError("names no signal that can tell of that fault or emergency stop")
         if self._volts and status.volts is not None:
             raws[self._volts.name] = self._volts.to_raw(status.volts)
         if self._count:
@@ -98,12 +98,12 @@ class StatusCodec:
         for raw, meaning in self._modes.items():
             if meaning == mode:
                 return raw
-        raise UsageError(f"roles: state: names no mode value for {mode}")
+        raise UsageError(f"names no mode value for {mode}")
 
     def _raw_condition(self, condition: Signal, status: BaseStatus) -> Raw:
         if status.emergency_stop:
             if not self._state.emergency_stop:
-                raise UsageError("roles: state: names no value for an emergency stop")
+                raise UsageError("names no value for an emergency stop")
             return self._state.emergency_stop[0]
         if not status.fault:
             return self._state.ok[0]
@@ -115,7 +115,7 @@ def _unused(signal: Signal, taken: Sequence[Raw]) -> Raw:
     for raw in range(int(signal.low), int(signal.high) + 1):
         if raw not in taken:
             return raw
-    raise UsageError(f"roles: state: every value of {signal.name} has a meaning")
+    raise UsageError(f"every value of {signal.name} has a meaning")
 
 
 def worst(statuses: Sequence[BaseStatus]) -> BaseStatus:

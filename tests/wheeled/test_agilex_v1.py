@@ -3,7 +3,7 @@
 import struct
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from shipped_roles import codec_of, frame
 
@@ -38,11 +38,13 @@ def test_giving_up_control_is_the_mode_byte_at_zero():
     assert CODEC.disable() == (CanFrame(0x130, bytes.fromhex("00 00 00 00 00 00 00 39")),)
 
 
+@settings(deadline=None)
 @given(can_id=st.integers(0, 0x7FF), data=st.binary(min_size=7, max_size=7), last=st.integers(0, 255))
 def test_the_checksum_does_not_depend_on_its_own_byte(can_id, data, last):
     assert summed(can_id, data)[-1] == agilex_v1(can_id, data + bytes([last]))
 
 
+@settings(deadline=None)
 @given(count=st.integers(0, 10_000), vx=st.floats(-1.5, 1.5), yaw_rate=st.floats(-0.5235, 0.5235))
 def test_every_command_is_counted_summed_and_within_half_a_percent(count, vx, yaw_rate):
     said, (sent,) = CODEC.command(Twist(vx=vx, yaw_rate=yaw_rate), count)
@@ -61,6 +63,7 @@ def test_state_and_motion_are_read_as_packed():
     assert (motion.vx, motion.yaw_rate) == pytest.approx((-0.25, 0.1))
 
 
+@settings(deadline=None)
 @given(flip=st.integers(0, 63))
 def test_one_wrong_bit_anywhere_is_malformed(flip):
     data = bytearray(summed(0x131, struct.pack(">hhhB", -250, 100, 0, 5)))

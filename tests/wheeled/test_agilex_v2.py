@@ -3,7 +3,7 @@
 import struct
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from shipped_roles import codec_of, frame
 
@@ -41,6 +41,7 @@ def test_only_a_hunter_has_a_brake_to_release():
     assert SCOUT.release_brake() == codec_of("tracer").release_brake() == ()
 
 
+@settings(deadline=None)
 @given(linear=i16, angular=i16)
 def test_motion_feedback_is_read_as_packed(linear, angular):
     reading = SCOUT.parse(frame(0x221, struct.pack(">hhhh", linear, angular, 7, 9)))
@@ -54,6 +55,7 @@ def test_a_hunters_motion_is_its_speed_and_what_its_inner_wheel_says_of_the_turn
     assert reading.motion.yaw_rate == pytest.approx(1 / radius_m, rel=1e-3)
 
 
+@settings(deadline=None)
 @given(left=i32, right=i32)
 def test_odometry_is_two_signed_millimetre_counters(left, right):
     reading = SCOUT.parse(frame(0x311, struct.pack(">ii", left, right)))
@@ -64,6 +66,7 @@ def test_the_counters_start_over_after_two_to_the_32_millimetres():
     assert SCOUT.wheel_wrap_m == pytest.approx(2**32 / 1000)
 
 
+@settings(deadline=None)
 @given(charge=st.integers(0, 100), volts=st.integers(0, 2**16 - 1))
 def test_the_battery_tells_percent_and_tenths_of_a_volt(charge, volts):
     reading = SCOUT.parse(frame(0x361, struct.pack(">BBHhh", charge, 99, volts, -12, 251)))
@@ -127,6 +130,7 @@ statuses = st.builds(
 
 
 @pytest.mark.parametrize("codec", [SCOUT, HUNTER, codec_of("tracer")])
+@settings(deadline=None)
 @given(status=statuses, count=st.integers(0, 1000))
 def test_what_the_far_end_says_of_its_condition_is_what_is_heard(codec, status, count):
     (sent,) = codec.status_frames(Reading(status=status), count)

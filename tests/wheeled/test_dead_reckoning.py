@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from adatracker_deploy.geometry import Pose
@@ -31,6 +31,7 @@ def test_a_quarter_circle_of_one_metre_ends_a_metre_ahead_and_a_metre_to_the_lef
     assert place(reckoning) == pytest.approx((1.0, 1.0, math.pi / 2))
 
 
+@settings(deadline=None)
 @given(vx=st.floats(-2, 2), yaw_rate=st.floats(-2, 2))
 def test_any_circle_is_exact_by_velocity_and_by_wheels(vx, yaw_rate):
     by_velocity, by_wheels = DeadReckoning(), START
@@ -50,6 +51,7 @@ def test_sliding_sideways_counts_for_bases_that_can():
     assert place(reckoning) == pytest.approx((-0.02, 0.0, math.pi / 2))
 
 
+@settings(deadline=None)
 @given(start=st.floats(-WRAP_M / 2, WRAP_M / 2))
 def test_the_first_reading_moves_nothing_wherever_the_counters_stand(start):
     assert roll(START, [(start, start)]).pose == Pose()

@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from adatracker_deploy.platform import ZERO, Twist
@@ -32,6 +32,7 @@ def test_circling_left_at_one_metre_the_right_wheel_is_half_a_track_farther_out(
     assert (said["left_m_s"], said["right_m_s"]) == (0.75, 1.25)
 
 
+@settings(deadline=None)
 @given(vx=speeds, yaw_rate=speeds)
 def test_wheel_speeds_say_all_of_a_velocity_in_the_plane(vx, yaw_rate):
     heard = sent_and_heard(DIFFERENTIAL, Twist(vx=vx, yaw_rate=yaw_rate), "left_m_s", "right_m_s")
@@ -58,6 +59,7 @@ def test_backing_up_to_the_left_needs_the_wheels_to_the_right(drive):
 
 
 @steered
+@settings(deadline=None)
 @given(vx=speeds, yaw_rate=speeds)
 def test_steering_never_passes_its_stop_and_never_turns_the_other_way(drive, vx, yaw_rate):
     said = drive.quantities(Twist(vx=vx, yaw_rate=yaw_rate))
@@ -76,6 +78,7 @@ def test_a_standing_car_keeps_its_wheels_straight_and_does_not_turn(drive):
     assert sent_and_heard(drive, Twist(yaw_rate=1.0), "vx_m_s", "steering_rad") == ZERO
 
 
+@settings(deadline=None)
 @given(vx=speeds, vy=speeds, yaw_rate=speeds)
 def test_a_base_that_takes_velocities_gets_them_as_they_are(vx, vy, yaw_rate):
     twist = Twist(vx=vx, vy=vy, yaw_rate=yaw_rate)

@@ -4,7 +4,7 @@ import math
 import struct
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from shipped_roles import codec_of, frame
 
@@ -78,6 +78,7 @@ def test_the_base_is_what_the_worse_axis_says():
     assert status.fault == "under-voltage, watchdog"
 
 
+@settings(deadline=None)
 @given(vx=speeds, yaw_rate=speeds)
 def test_the_far_end_hears_the_velocity_that_was_really_sent(vx, yaw_rate):
     codec = codec_of("odrive_diff")

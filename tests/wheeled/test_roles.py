@@ -4,7 +4,9 @@ import pytest
 from shipped_roles import BASES, document, limits_of, roles_as_written, roles_of
 
 from adatracker_deploy.errors import UsageError
+from adatracker_deploy.profile import load_profile
 from adatracker_deploy.schema import parse
+from adatracker_wheeled.codec import Codec
 from adatracker_wheeled.roles import Roles
 
 OUTSIDE_SITL = ("platform", "description", "limits", "camera", "connection")
@@ -28,6 +30,13 @@ def refused(written):
 )
 def test_what_a_base_takes_follows_from_its_command(name, drive):
     assert roles_of(name).drive == drive
+
+
+@pytest.mark.parametrize("name", BASES)
+def test_a_shipped_profile_loads_and_its_limits_can_be_said(name):
+    profile = load_profile(name)
+    assert profile.platform == "wheeled"
+    Codec(profile.connection.roles).check_limits(profile.limits)
 
 
 @pytest.mark.parametrize("name", BASES)

@@ -1,4 +1,4 @@
-"""One message of a DBC: its bytes from raw signal values and back, and each signal's range and scale.
+"""A DBC file: each message's bytes from raw signal values and back, and each signal's range and scale.
 
 This is the only module that knows cantools. Numbers are turned here and nowhere else: a value is clipped to
 what its signal can say, then rounded to the nearest step, half to even (AgileX's own SDK truncates
@@ -23,7 +23,8 @@ Raw = int | float
 """A signal's number as its bits say it: int, or float for an IEEE 754 signal."""
 
 _SIZE_CAP_BYTES = 4 << 20
-_FLOAT_FORMATS = {16: "<e", 32: "<f", 64: "<d"}
+_FLOATS = {16: ("<e", 65504.0), 32: ("<f", 3.4028234663852886e38), 64: ("<d", 1.7976931348623157e308)}
+"""struct format and largest number of an IEEE 754 signal, by its bits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,14 +65,19 @@ class Signal:
 class Layout:
     """One message of a DBC."""
 
-    def __init__(self, message: Any, checksum: str, where: str) -> None:
+    def __init__(self, message: Any, dbc: str, checksum: str) -> None:
         self.name: str = message.name
         self.id: int = message.frame_id
         self.extended: bool = message.is_extended_frame
         self.length: int = message.length
-        self.where = where
+        self.dbc = dbc
         if message.is_multiplexed() or not 0 < self.length <= 8:
-            raise UsageError(f"{where}: message {self.name} is multiplexed, empty or longer than 8 bytes")
+            raise UsageError(f"{dbc}: message {self.name} is multiplexed, empty or longer than 8 bytes")
+        for signal in message.signals:
+            if not signal.scale or (signal.is_float and signal.length not in _FLOATS):
+                raise UsageError(
+                    f"{dbc}: {self.name}.{signal.name} has a scale of 0, or a float's size it is not"
+                )
         self._message = message
         self._summed = checksum == "agilex_v1"
         self._signals = {signal.name: _signal(signal) for signal in message.signals}
@@ -86,7 +92,7 @@ class Layout:
         """
         if name not in self._signals:
             raise UsageError(
-                f"{self.where}: message {self.name} has no signal {name!r}; it has {', '.join(self._signals)}"
+                f"{self.dbc}: message {self.name} has no signal {name!r}; it has {', '.join(self._signals)}"
             )
         return self._used.setdefault(name, self._signals[name])
 
@@ -118,8 +124,9 @@ def _signal(signal: Any) -> Signal:
     """Take over a cantools signal, its range narrowed to the DBC's minimum and maximum."""
     low: Raw
     high: Raw
+    float_format = None
     if signal.is_float:
-        high = {16: 65504.0, 32: 3.4028234663852886e38, 64: 1.7976931348623157e308}[signal.length]
+        float_format, high = _FLOATS[signal.length]
         low = -high
     elif signal.is_signed:
         low, high = -(1 << signal.length - 1), (1 << signal.length - 1) - 1
@@ -134,9 +141,7 @@ def _signal(signal: Any) -> Signal:
         if not signal.is_float:  # whole steps inside the bounds; the bounds themselves carry rounding errors
             least, most = math.ceil(least - 1e-6), math.floor(most + 1e-6)
         low, high = max(low, least), min(high, most)
-    return Signal(
-        signal.name, scale, offset, low, high, _FLOAT_FORMATS[signal.length] if signal.is_float else None
-    )
+    return Signal(signal.name, scale, offset, low, high, float_format)
 
 
 class Database:
@@ -151,29 +156,31 @@ class Database:
         self.dbc = dbc
         self._checksum = checksum
         try:
-            text = find_dbc(dbc).read_bytes()[:_SIZE_CAP_BYTES].decode("cp1252", errors="replace")
+            path = find_dbc(dbc)
+            if path.stat().st_size > _SIZE_CAP_BYTES:
+                raise UsageError(f"{dbc}: larger than 4 MiB; not a DBC file")
+            text = path.read_bytes().decode("cp1252", errors="replace")
             database = cantools.database.load_string(text, database_format="dbc")
         except OSError as error:
-            raise UsageError(f"roles: dbc {dbc}: cannot be read: {error.strerror}") from error
+            raise UsageError(f"{dbc}: cannot be read: {error.strerror}") from error
         except (cantools.Error, ValueError, KeyError, IndexError) as error:
             line = " ".join(str(error).split())[:120]
-            raise UsageError(f"roles: dbc {dbc}: is not a DBC file: {line}") from error
+            raise UsageError(f"{dbc}: is not a DBC file: {line}") from error
         self._messages = {message.name: message for message in database.messages}
         self._layouts: dict[str, Layout] = {}
 
-    def layout(self, name: str, role: str) -> Layout:
-        """Return a message's layout; `role` is only for the error.
+    def layout(self, name: str) -> Layout:
+        """Return a message's layout.
 
         Raises:
             UsageError: the DBC has no such message, or it is one that cannot be used.
         """
-        where = f"roles: {role}: {self.dbc}"
         if name not in self._messages:
             raise UsageError(
-                f"{where}: has no message {name!r}; it has {', '.join(self._messages) or 'none'}"
+                f"{self.dbc}: has no message {name!r}; it has {', '.join(self._messages) or 'none'}"
             )
         if name not in self._layouts:
-            self._layouts[name] = Layout(self._messages[name], self._checksum, where)
+            self._layouts[name] = Layout(self._messages[name], self.dbc, self._checksum)
         return self._layouts[name]
 
 
@@ -189,7 +196,7 @@ def find_dbc(dbc: str) -> Path:
     path = Path(dbc)
     if not path.is_file():
         raise UsageError(
-            f"roles: dbc {dbc}: no such file in {Path.cwd()}; shipped are {', '.join(shipped)}, "
+            f"{dbc}: no such file in {Path.cwd()}; shipped are {', '.join(shipped)}, "
             "a path is relative to the working directory"
         )
     return path
