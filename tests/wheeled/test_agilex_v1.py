@@ -2,6 +2,7 @@
 
 import struct
 
+import cantools
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -9,6 +10,7 @@ from shipped_roles import codec_of, frame
 
 from adatracker_deploy.platform import Twist
 from adatracker_wheeled.checksum import agilex_v1
+from adatracker_wheeled.dbc import find_dbc
 from adatracker_wheeled.protocol import BaseStatus, CanFrame, Demand, Malformed, Reading
 
 # The manual's own examples: "forward at 0.15 m/s", "take command while standing still".
@@ -84,3 +86,13 @@ def test_what_the_far_end_says_is_what_is_heard():
     assert CODEC.parse(state).status.count == 300 - 256
     assert CODEC.parse(motion).motion == reading.motion
     assert CODEC.battery_frames(reading) == ()
+
+
+@pytest.mark.parametrize("motor", [1, 2, 3, 4])
+def test_the_dbc_also_tells_of_each_motor(motor):
+    dbc = cantools.database.load_file(find_dbc("agilex_v1.dbc"))
+    said = dbc.decode_message(
+        0x1FF + motor, summed(0x1FF + motor, struct.pack(">hhbbB", 35, -120, 40, -5, 9))
+    )
+    assert said["Current"] == pytest.approx(3.5)
+    assert (said["Speed"], said["DriverTemperature"], said["MotorTemperature"]) == (-120, 40, -5)

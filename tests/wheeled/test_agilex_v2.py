@@ -2,12 +2,14 @@
 
 import struct
 
+import cantools
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from shipped_roles import codec_of, frame
 
 from adatracker_deploy.platform import Twist
+from adatracker_wheeled.dbc import find_dbc
 from adatracker_wheeled.protocol import BaseStatus, CanFrame, Demand, Malformed, Reading
 
 i16 = st.integers(-(2**15), 2**15 - 1)
@@ -180,3 +182,27 @@ def test_each_side_ignores_its_own_direction_and_extended_twins():
     assert SCOUT.parse(frame(0x111, bytes(8))) is None
     assert SCOUT.parse_command(frame(0x221, bytes(8))) is None
     assert SCOUT.parse(CanFrame(0x221, bytes(8), extended=True)) is None
+
+
+@pytest.mark.parametrize("motor", [1, 2, 3, 4])
+def test_the_dbc_also_tells_of_each_motor(motor):
+    dbc = cantools.database.load_file(find_dbc("agilex_v2.dbc"))
+    assert dbc.decode_message(0x250 + motor, struct.pack(">hhi", -120, 35, -70_000)) == {
+        "Speed": -120,
+        "Current": pytest.approx(3.5),
+        "Pulses": -70_000,
+    }
+    assert dbc.decode_message(0x260 + motor, struct.pack(">HhbBH", 261, -5, 40, 0x42, 0)) == {
+        "DriverVoltage": pytest.approx(26.1),
+        "DriverTemperature": -5,
+        "MotorTemperature": 40,
+        "DriverState": 0x42,
+    }
+
+
+def test_the_dbc_also_tells_of_the_brake_and_the_batterys_health():
+    dbc = cantools.database.load_file(find_dbc("agilex_v2.dbc"))
+    assert dbc.decode_message(0x211, struct.pack(">BBHHBB", 0, 1, 250, 0, 1, 9))["Brake"] == 1
+    battery = dbc.decode_message(0x361, struct.pack(">BBHhh", 80, 97, 2520, -31, 255))
+    assert battery["StateOfHealth"] == 97
+    assert (battery["Current"], battery["Temperature"]) == pytest.approx((-3.1, 25.5))

@@ -159,17 +159,15 @@ def test_a_base_without_words_for_a_fault_says_so(own):
         codec_from(own).status_frames(Reading(status=BaseStatus(mode="remote")))
 
 
+SCALE_0 = 'BO_ 101 Drive2: 1 HOST\n SG_ Speed : 7|8@0+ (0,0) [0|0] "" BASE'
+SWITCHED = """BO_ 101 Drive2: 1 HOST
+ SG_ Speed M : 7|4@0+ (1,0) [0|0] "" BASE
+ SG_ Turn m0 : 3|4@0+ (1,0) [0|0] "" BASE"""
+
+
 @pytest.mark.parametrize(
     ("line", "reason"),
-    [
-        ('BO_ 101 Drive2: 1 HOST\n SG_ Speed : 7|8@0+ (0,0) [0|0] "" BASE', "has a scale of 0"),
-        (
-            'BO_ 101 Drive2: 1 HOST\n SG_ Speed M : 7|4@0+ (1,0) [0|0] "" BASE\n'
-            ' SG_ Turn m0 : 3|4@0+ (1,0) [0|0] "" BASE',
-            "is multiplexed",
-        ),
-        ("BO_ 101 Drive2: 0 HOST", "empty"),
-    ],
+    [(SCALE_0, "has a scale of 0"), (SWITCHED, "is multiplexed"), ("BO_ 101 Drive2: 0 HOST", "empty")],
 )
 def test_a_message_that_cannot_be_used_is_refused(own, line, reason):
     Path("mine.dbc").write_text(MINE + "\n" + line + "\n")
