@@ -4,7 +4,7 @@ import pytest
 
 from adatracker_deploy.testing.conformance import PlatformConformance
 from adatracker_wheeled.platform import WheeledPlatform
-from tests.wheeled.rig import InProcess, base_profile
+from wheeled_rig import InProcess, base_profile
 
 
 class OnAVirtualBus(WheeledPlatform):
