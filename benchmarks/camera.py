@@ -2,8 +2,8 @@
 
 python benchmarks/camera.py [--seconds 10] [--rate 30]
 
-The far end's server and the reader share one process here, so CPU is of both: encoding, wire and decoding. The
-picture is smooth noise, about as hard to compress as a rendered room.
+The far end's server and the reader share one process here, so CPU is of both: encoding, wire and decoding.
+The picture is smooth noise, about as hard to compress as a rendered room.
 """
 
 from __future__ import annotations

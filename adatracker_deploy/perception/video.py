@@ -26,16 +26,17 @@ _RTSP_PORTS = {"rtsp": 554, "rtsps": 322}
 """RFC 7826, section 4.2, and the registry it refers to."""
 _REACH_TIMEOUT_S = 1.5
 _STREAM_SETTINGS = (
-    *(cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, round((OPEN_TIMEOUT_S - _REACH_TIMEOUT_S) * 1e3) - 500),
-    *(cv2.CAP_PROP_READ_TIMEOUT_MSEC, round(SILENT_AFTER_S * 1e3)),
+    *(cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, round((OPEN_TIMEOUT_S - 0.5) * 1e3)),
+    *(cv2.CAP_PROP_READ_TIMEOUT_MSEC, round((SILENT_AFTER_S + 1.0) * 1e3)),
 )
-"""OpenCV gives up a little before whoever waits for it does."""
+"""OpenCV gives up a little before whoever waits for a stream to open, and after whoever tells that it is silent."""
 
 
 class VideoCamera(LiveCamera):
     """A device (``/dev/video0``), ``rtsp://``, ``rtsps://``, ``udp://``, ``tcp://`` or ``gst:PIPELINE``.
 
-    A frame's time is the run's clock when OpenCV had it.
+    A frame's time is the run's clock when OpenCV had it. What a stream sent while OpenCV was finding out what it
+    is comes first, late and in quick succession.
     """
 
     def __init__(self, uri: str, clock: Clock) -> None:
