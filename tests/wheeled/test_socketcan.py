@@ -39,4 +39,4 @@ def test_the_wheeled_bus_says_what_ended_it_and_stays_ended(room):
 
 @pytest.mark.slow
 def test_a_base_on_a_real_bus_is_driven_and_comes_to_rest_when_the_bus_or_the_process_stops(room):
-    pass_in(room, "cases_wheeled.py", limit_s=150.0)
+    pass_in(room, "cases_wheeled.py", limit_s=120.0)
