@@ -40,7 +40,9 @@ class _Stream:
         """Return the frames if they are due; frozen ones are the last again, counter and all."""
         if now_s < self._due_s - 1e-9:
             return ()
-        self._due_s = max(self._due_s + self._period_s, now_s)  # late ones are not made up for
+        self._due_s += self._period_s
+        if self._due_s <= now_s:  # what is late is not made up for
+            self._due_s = now_s + self._period_s
         if not (frozen and self._last):
             self._last = self._encode(reading, self._count)
             self._count += 1
