@@ -75,6 +75,11 @@ class MjpegCamera(LiveCamera):
             return  # in the middle of a chunk, as streams do
         except http.client.HTTPException as error:
             raise PlatformError(f"camera {self.name}: its answer is no HTTP: {error!r}") from error
+        except ssl.SSLCertVerificationError as error:
+            raise PlatformError(
+                f"camera {self.name}: its certificate is not trusted ({error.verify_message}): "
+                "name a file with it in SSL_CERT_FILE"
+            ) from error
         except OSError as error:
             raise PlatformError(f"camera {self.name}: {error.strerror or error}") from error
         except ValueError as error:
@@ -97,7 +102,7 @@ class MjpegCamera(LiveCamera):
             if newest is None or _waits(wire):
                 continue
             try:
-                picture = _decode(newest, t_ns)
+                picture = decode_part(newest, t_ns)
             except ValueError:
                 self.dropped += 1
             else:
@@ -120,8 +125,10 @@ class MjpegCamera(LiveCamera):
         host, port = self._url.hostname or "", self._url.port
         if self._url.scheme == "https":
             context = ssl.create_default_context()
-            return http.client.HTTPSConnection(host, port, timeout=timeout_s, context=context)
-        return http.client.HTTPConnection(host, port, timeout=timeout_s)
+            return http.client.HTTPSConnection(
+                host, port or http.client.HTTPS_PORT, timeout=timeout_s, context=context
+            )
+        return http.client.HTTPConnection(host, port or http.client.HTTP_PORT, timeout=timeout_s)
 
     def _path(self) -> str:
         path = self._url.path or "/"
@@ -141,7 +148,12 @@ def _waits(wire: socket.socket) -> bool:
     return bool(select.select([wire], [], [], 0)[0])
 
 
-def _decode(part: Part, t_ns: int) -> Picture:
+def decode_part(part: Part, t_ns: int) -> Picture:
+    """Return what a part of the stream shows.
+
+    Raises:
+        ValueError: it is no whole JPEG of a decent size, or its ``X-Truth`` is no truth.
+    """
     truth = part.headers.get("x-truth")
     decoded = decode_truth(base64.b64decode(truth, validate=True)) if truth is not None else None
     return Picture(decode_jpeg(part.body), t_ns, decoded)

@@ -42,7 +42,7 @@ def check_uri(uri: str) -> None:
     elif uri.startswith(GSTREAMER):
         _check_pipeline(uri)
     elif scheme := _SCHEME.match(uri):
-        _check_address(uri, scheme[1].lower())
+        _check_address(uri, scheme[1])
     else:
         _check_path(uri)
 
@@ -57,7 +57,7 @@ def open_source(uri: str, clock: Clock) -> Camera:
     if uri.startswith((ROBOT, WORLD)):
         raise UsageError(f"camera {uri!r}: only a run with its robot has this one; expected {KNOWN}")
     scheme = _SCHEME.match(uri)
-    if scheme is not None and scheme[1].lower() in _MJPEG_SCHEMES:
+    if scheme is not None and scheme[1] in _MJPEG_SCHEMES:
         return MjpegCamera(uri, clock)
     if scheme is not None or uri.startswith((GSTREAMER, DEVICE)):
         return VideoCamera(uri, clock)
@@ -67,13 +67,14 @@ def open_source(uri: str, clock: Clock) -> Camera:
 
 
 def _check_pipeline(uri: str) -> None:
+    shown = without_password(uri)
     if not has_gstreamer():
         raise UsageError(
-            f"camera {uri!r}: this build of OpenCV has no GStreamer, as the one from PyPI has not: install "
+            f"camera {shown!r}: this build of OpenCV has no GStreamer, as the one from PyPI has not: install "
             "one that has (a Jetson's own, Debian's python3-opencv), or let the pipeline serve RTSP or MJPEG"
         )
     if "appsink" not in uri:
-        raise UsageError(f"camera {uri!r}: the pipeline must end in '! videoconvert ! appsink'")
+        raise UsageError(f"camera {shown!r}: the pipeline must end in '! videoconvert ! appsink'")
 
 
 def _check_address(uri: str, scheme: str) -> None:

@@ -29,14 +29,14 @@ _STREAM_SETTINGS = (
     *(cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, round((OPEN_TIMEOUT_S - 0.5) * 1e3)),
     *(cv2.CAP_PROP_READ_TIMEOUT_MSEC, round((SILENT_AFTER_S + 1.0) * 1e3)),
 )
-"""OpenCV gives up a little before whoever waits for a stream to open, and after whoever tells that it is silent."""
+"""OpenCV gives up on opening just before `LiveCamera.open` does, and on the next frame after `FrameWatch`."""
 
 
 class VideoCamera(LiveCamera):
     """A device (``/dev/video0``), ``rtsp://``, ``rtsps://``, ``udp://``, ``tcp://`` or ``gst:PIPELINE``.
 
-    A frame's time is the run's clock when OpenCV had it. What a stream sent while OpenCV was finding out what it
-    is comes first, late and in quick succession.
+    A frame's time is the run's clock when OpenCV had it. What a stream sent while OpenCV was finding out what
+    it is comes first, late and in quick succession.
     """
 
     def __init__(self, uri: str, clock: Clock) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import base64
+import random
+import resource
 import threading
 import time
 
@@ -14,8 +16,9 @@ from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.geometry import Pose
 from adatracker_deploy.messages import Frame, Truth
 from adatracker_deploy.perception import live
-from adatracker_deploy.perception.mjpeg import MjpegCamera
-from adatracker_deploy.perception.multipart import LARGEST_BODY_BYTES
+from adatracker_deploy.perception.mjpeg import MjpegCamera, decode_part
+from adatracker_deploy.perception.multipart import LARGEST_BODY_BYTES, MultipartParser
+from adatracker_deploy.perception.truth_wire import encode_truth
 from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_deploy.world.mjpeg_server import MjpegServer
 
@@ -109,19 +112,13 @@ def test_people_are_told_to_go_through_the_same_server_and_only_in_a_rehearsal(s
 def test_a_rehearsal_that_does_not_take_the_go_is_an_error(opened):
     def answer(connection, request):
         if request.startswith(b"GET"):
-            truth = base64.b64encode(live_truth())
+            truth = base64.b64encode(encode_truth(TRUTH))
             connection.sendall(STREAM + part(jpeg(picture()), b"X-Truth: " + truth))
         else:
             connection.sendall(b"HTTP/1.0 503 Busy\r\n\r\n")
 
     with serving(answer) as port, pytest.raises(PlatformError, match="cannot begin: POST /go answered 503"):
         opened(address(port)).go()
-
-
-def live_truth():
-    from adatracker_deploy.perception.truth_wire import encode_truth
-
-    return encode_truth(TRUTH)
 
 
 @pytest.mark.parametrize(
@@ -278,3 +275,23 @@ def test_closing_ends_the_reader_at_once_even_while_the_camera_is_silent():
 
 def test_a_camera_that_was_never_opened_can_be_closed():
     MjpegCamera("http://127.0.0.1:9/", CLOCK).close()
+
+
+@pytest.mark.slow
+def test_a_hundred_thousand_damaged_parts_break_nothing_and_leave_nothing_behind():
+    rng, body = random.Random(0), jpeg(picture(size=(16, 16)))
+    wholes = [part(body)] * 9 + [part(body, b"X-Truth: " + base64.b64encode(encode_truth(TRUTH)))]
+    parser, refused = MultipartParser("next"), 0
+    for number in range(100_000):
+        if number == 10_000:  # by then everything is warm
+            memory_kib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        damaged = bytearray(wholes[number % len(wholes)])
+        for _ in range(3):
+            damaged[rng.randrange(len(damaged))] = rng.randrange(256)
+        try:
+            for each in parser.feed(bytes(damaged[: rng.randrange(len(damaged) // 2, 2 * len(damaged))])):
+                decode_part(each, number)
+        except ValueError:
+            parser, refused = MultipartParser("next"), refused + 1
+    assert 1000 < refused < 100_000
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - memory_kib < 8 * 1024

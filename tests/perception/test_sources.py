@@ -23,7 +23,7 @@ from adatracker_deploy.runtime.clock import FakeClock
     [
         ("http://10.0.0.7:8080/stream?topic=/camera", MjpegCamera),
         ("https://guard:secret@camera.local/video", MjpegCamera),
-        ("HTTP://[::1]/", MjpegCamera),
+        ("http://[::1]/", MjpegCamera),
         ("rtsp://guard:secret@10.0.0.7/h264", VideoCamera),
         ("rtsps://10.0.0.7:322/h264", VideoCamera),
         ("udp://0.0.0.0:5600", VideoCamera),
@@ -61,6 +61,7 @@ def test_what_belongs_to_a_run_is_right_but_cannot_be_opened_alone(uri):
             "ftp://10.0.0.7/clip.avi",
             "unknown scheme ftp://; expected a device .*rtsp.*udp.*gst:.*robot://TOPIC",
         ),
+        ("RTSP://h/cam", "unknown scheme RTSP://"),
         ("http://", "names no host"),
         ("rtsp:///cam", "names no host"),
         ("http://h:65536/", "out of range"),
