@@ -1,0 +1,172 @@
+"""Whatever ends it, a ground robot at 0.5 m/s stands soon after; the times are printed.
+
+The limits are what a prototype of this software measured from 0.5 m/s, deceleration included, on quiet
+machines, plus a quarter of a second for two busy cores.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from .conftest import COMMAND, Flight
+from .ground_robots import ROBOTS
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(120)]
+
+CRUISE_M_S = 0.4
+BUSY_S = 0.25
+TOLD_S = 0.55 + BUSY_S
+"""The stop goes over the wire."""
+ROBOTS_OWN_S = 1.08 + BUSY_S
+"""Nothing more comes: the robot's own time-out of 0.5 s, then its braking."""
+LEASE_S = 1.5 + BUSY_S
+"""A frozen connection: nothing more comes, and each side finds out by itself."""
+
+
+@pytest.fixture(params=ROBOTS)
+def robot(request, tmp_path):
+    robot = ROBOTS[request.param](tmp_path, "--seed", "3", "--target-speed", "0.5")
+    with contextlib.closing(robot):
+        yield robot
+
+
+@pytest.fixture
+def drive(tmp_path, robot):
+    """Start the command against the robot by hand; whatever is left of it at the end is killed."""
+    runs: list[Flight] = []
+    families: list[int] = []
+
+    def start(*arguments: str, command=COMMAND) -> Flight:
+        run = Flight(
+            [*command, "--platform", robot.name, "--profile", str(robot.profile), *arguments], tmp_path
+        )
+        runs.append(run)
+        return run
+
+    yield start
+    for run in runs:
+        with contextlib.suppress(FileNotFoundError, ProcessLookupError):
+            families.extend(run.children())
+        run.process.kill()
+        run.process.wait()
+        run.process.stdout.close()
+        run.process.stderr.close()
+    for pid in families:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
+
+
+def stopped(capsys, robot, what: str, onset_s: float, limit_s: float) -> float:
+    halted_s = robot.watcher.halted_after(onset_s)
+    with capsys.disabled():
+        way_m = robot.watcher.gone_m(onset_s)
+        print(f"\n  {robot.name}, {what}: stands after {halted_s:.2f} s, {way_m:.2f} m on")
+    assert halted_s < limit_s
+    return halted_s
+
+
+def strike(capsys, robot, what: str, action, limit_s: float) -> float:
+    robot.watcher.wait_until_cruising(CRUISE_M_S)
+    onset_s = time.monotonic()
+    action()
+    return stopped(capsys, robot, what, onset_s, limit_s)
+
+
+def test_at_its_normal_end_it_stands(drive, robot, capsys):
+    run = drive("--steps", "150", "--json")
+    robot.watcher.wait_until_cruising(CRUISE_M_S)
+    status, summary, err = run.end()
+    assert status == 0, err
+    with capsys.disabled():
+        print(f"\n  {robot.name}, normal end: below 0.25 m/s after {summary['stop_s']:.2f} s")
+    assert summary["outcome"] == "completed"
+    assert summary["stop_s"] < TOLD_S
+    assert robot.watcher.samples[-1].speed_m_s < 0.05
+
+
+def test_after_an_unexpected_error_it_stands(drive, robot, capsys):
+    failing = [sys.executable, str(Path(__file__).with_name("failing_tracker.py"))]
+    run = drive("--steps", "2000", command=failing)
+    assert any(line.strip() == "failing" for line in run.process.stdout)
+    stopped(capsys, robot, "exception", time.monotonic(), TOLD_S)
+
+
+def test_ctrl_c_and_sigterm_stop_it_equally_soon(drive, robot, capsys):
+    took_s = {}
+    for number in (signal.SIGINT, signal.SIGTERM):
+        run = drive("--steps", "2000", "--json")
+        took_s[number] = strike(
+            capsys, robot, number.name, functools.partial(os.kill, run.pid, number), TOLD_S
+        )
+        status, summary, _ = run.end()
+        assert status == 130
+        assert summary["outcome"] == "interrupted"
+    assert took_s[signal.SIGTERM] < took_s[signal.SIGINT] + BUSY_S
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP], ids=["kill -9", "SIGSTOP"])
+def test_a_tracker_that_dies_or_stops(drive, robot, capsys, number):
+    run = drive("--steps", "2000")
+    strike(capsys, robot, f"tracker, {number.name}", lambda: os.kill(run.pid, number), ROBOTS_OWN_S)
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP], ids=["kill -9", "SIGSTOP"])
+def test_a_link_that_dies_or_stops(drive, robot, capsys, number):
+    run = drive("--steps", "2000")
+    robot.watcher.wait_until_cruising(CRUISE_M_S)
+    link = run.link_pid()
+    strike(capsys, robot, f"link, {number.name}", lambda: os.kill(link, number), ROBOTS_OWN_S)
+
+
+def test_an_unplugged_cable(drive, robot, capsys):
+    run = drive("--steps", "2000", "--json")
+    strike(capsys, robot, "cable unplugged", robot.cable.cut, ROBOTS_OWN_S)
+    robot.cable.mend()
+    robot.watcher.halted_after(time.monotonic())  # a cable that comes back resumes nothing
+    status, summary, _ = run.end()
+    assert status == 1
+    assert summary["outcome"] in ("safety_stop", "system_fault")
+    assert summary["reason"]
+
+
+def test_a_frozen_connection_and_its_return(drive, robot, capsys):
+    run = drive("--steps", "2000", "--json")
+    strike(capsys, robot, "frozen connection", robot.cable.freeze, LEASE_S)
+    robot.cable.mend()
+    robot.watcher.halted_after(time.monotonic())  # what was under way when it froze moves nothing
+    status, _, _ = run.end()
+    assert status == 1
+
+
+def test_a_robot_that_freezes_and_thaws_does_not_run_on(drive, robot, capsys):
+    run = drive("--steps", "2000", "--json")
+    robot.watcher.wait_until_cruising(CRUISE_M_S)
+    os.kill(robot.far_end.pid, signal.SIGSTOP)
+    status, summary, _ = run.end()
+    assert status == 1
+    assert summary["reason"]
+    os.kill(robot.far_end.pid, signal.SIGCONT)
+    stopped(capsys, robot, "robot frozen, then thawed", time.monotonic(), ROBOTS_OWN_S)
+
+
+def test_a_robot_that_dies_ends_the_run_with_a_sentence(drive, robot):
+    run = drive("--steps", "2000", "--json")
+    robot.watcher.wait_until_cruising(CRUISE_M_S)
+    onset_s = time.monotonic()
+    robot.far_end.kill()
+    with contextlib.suppress(subprocess.TimeoutExpired):
+        run.process.wait(20)
+    status, summary, err = run.end()
+    assert time.monotonic() - onset_s < 15
+    assert status == 1
+    assert summary["reason"]
+    assert "Traceback" not in err
