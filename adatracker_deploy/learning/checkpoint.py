@@ -46,7 +46,8 @@ class CheckpointMeta:
 class AdaTracker:
     """AdaTracker's networks, in evaluation mode once loaded."""
 
-    encoder: ContextEncoder
+    encoder: ContextEncoder | None
+    """None in the variant without context."""
     policy: ContextPolicy
     meta: CheckpointMeta
 
@@ -84,26 +85,31 @@ scores that the AdaTracker paper gives it.
 ADATRACKER_MASK = MaskSpec(
     size=64,
     channels=3,
-    draw_size=160,
+    draw_size=64,
     scale=1 / 255,
     palette=Palette(background=(0, 0, 0), target=(255, 0, 0), person=(0, 255, 0), obstacle=(0, 0, 255)),
 )
-"""How AdaTracker is shown masks: a channel a class, in [0, 1]; see `AdaTrackerConfig`."""
+"""How AdaTracker is shown masks: a channel a class, 0 or 1, drawn at the networks' size.
+
+So the picture is sampled and not reduced: a pixel belongs to one class, in training and on a robot.
+"""
 
 
-def save_checkpoint(path: Path, encoder: ContextEncoder, policy: ContextPolicy, meta: CheckpointMeta) -> None:
+def save_checkpoint(
+    path: Path, encoder: ContextEncoder | None, policy: ContextPolicy, meta: CheckpointMeta
+) -> None:
     """Write an AdaTracker checkpoint that loads without running code.
 
     Args:
         path: replaced where it exists; its folder must exist.
-        encoder: its configuration is stored.
-        policy: of the same configuration.
+        encoder: of the policy's configuration; None where that has no context.
+        policy: its configuration is stored.
         meta: must agree with the configuration in the mask's channels, its size and the number of actions.
     """
     torch.save(
         {
             "format": FORMAT,
-            "config": dataclasses.asdict(encoder.config),
+            "config": dataclasses.asdict(policy.config),
             "meta": dataclasses.asdict(meta),
             "state_dict": _together(encoder, policy).state_dict(),
         },
@@ -154,7 +160,7 @@ def _adatracker(loaded: dict[str, Any], path: Path) -> AdaTracker:
     looks = (meta.mask.channels, meta.mask.size, len(meta.action))
     if looks != (config.channels, config.size, config.actions):
         raise UsageError(f"{path}: meta and config differ in the mask's channels, its size or the actions")
-    encoder, policy = ContextEncoder(config), ContextPolicy(config)
+    encoder, policy = ContextEncoder(config) if config.context else None, ContextPolicy(config)
     _fill(_together(encoder, policy), loaded["state_dict"], path)
     return AdaTracker(encoder, policy, meta)
 
@@ -165,8 +171,9 @@ def _offline_evt(state_dict: dict[str, Any], path: Path) -> OfflineEvt:
     return OfflineEvt(policy, OFFLINE_EVT)
 
 
-def _together(encoder: ContextEncoder, policy: ContextPolicy) -> nn.ModuleDict:
-    return nn.ModuleDict({"encoder": encoder, "policy": policy})
+def _together(encoder: ContextEncoder | None, policy: ContextPolicy) -> nn.ModuleDict:
+    parts: dict[str, nn.Module] = {} if encoder is None else {"encoder": encoder}
+    return nn.ModuleDict(parts | {"policy": policy})
 
 
 def _fill(module: nn.Module, state_dict: dict[str, Any], path: Path) -> None:

@@ -24,6 +24,7 @@ from adatracker_deploy.learning.graphs import (
     StreamingEncoder,
     to_onnx,
 )
+from adatracker_deploy.learning.networks import ContextEncoder
 from adatracker_deploy.learning.rollout import rollout, walking_masks
 from adatracker_deploy.policy.bundle import Bundle, load_bundle, write_bundle
 from adatracker_deploy.policy.golden import GOLDEN_TICKS, Golden
@@ -85,12 +86,12 @@ def export_checkpoint(
     given = {"name": name, "rate_hz": rate_hz, "licence": licence}
     overrides = {key: value for key, value in given.items() if value is not None}
     meta = parse(CheckpointMeta, asdict(checkpoint.meta) | overrides, where=str(path))
+    if interface is not None and (isinstance(checkpoint, OfflineEvt) or checkpoint.encoder is None):
+        raise UsageError(f"{path}: has no context encoder, so no interface {interface!r}; leave that out")
     if isinstance(checkpoint, AdaTracker):
         parts = _adatracker(checkpoint, meta, interface or "streaming")
-    elif interface is None:
-        parts = _offline_evt(checkpoint, meta)
     else:
-        raise UsageError(f"{path}: has no context encoder, so no interface {interface!r}; leave that out")
+        parts = _offline_evt(checkpoint, meta)
     with tempfile.TemporaryDirectory() as rehearsal:
         parts.write(Path(rehearsal))
         OnnxPolicy(load_bundle(Path(rehearsal)))
@@ -121,30 +122,35 @@ def _offline_evt(checkpoint: OfflineEvt, meta: CheckpointMeta) -> _Parts:
 
 
 def _adatracker(checkpoint: AdaTracker, meta: CheckpointMeta, interface: EncoderInterface) -> _Parts:
-    encoder, config = checkpoint.encoder, checkpoint.encoder.config
+    encoder, config = checkpoint.encoder, checkpoint.policy.config
+    called: Interface = interface if encoder is not None else "none"
     encoder_spec, policy_spec = graph_specs(
-        interface,
+        called,
         mask=meta.mask,
         actions=config.actions,
         hidden=config.hidden,
         context=config.context,
         history=config.history,
         features=config.features + config.actions,
+        last_action=config.last_action,
     )
-    assert encoder_spec is not None
     return _Parts(
         manifest=_manifest(
             meta,
-            interface,
+            called,
             history=config.history,
             context=config.context,
             encoder=encoder_spec,
             policy=policy_spec,
         ),
-        encoder=to_onnx(encoder if interface == "window" else StreamingEncoder(encoder), encoder_spec),
+        encoder=_encoder_graph(encoder, interface, encoder_spec) if encoder and encoder_spec else None,
         policy=to_onnx(ContextPolicyStep(checkpoint.policy), policy_spec),
         golden=_golden(checkpoint),
     )
+
+
+def _encoder_graph(encoder: ContextEncoder, interface: EncoderInterface, spec: GraphSpec) -> bytes:
+    return to_onnx(encoder if interface == "window" else StreamingEncoder(encoder), spec)
 
 
 def _manifest(

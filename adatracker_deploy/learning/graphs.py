@@ -50,16 +50,20 @@ class StreamingEncoder(nn.Module):
 
 
 class ContextPolicyStep(nn.Module):
-    """AdaTracker's policy, one tick."""
+    """AdaTracker's policy, one tick, with those of z (1, Z) and last_action (1, A) that it uses."""
 
     def __init__(self, policy: ContextPolicy) -> None:
         super().__init__()
         self.policy = policy
 
-    def forward(self, mask: Tensor, z: Tensor, h: Tensor, c: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Return (action (1, A) in [-1, 1], h_next, c_next (1, 1, H))."""
-        mean, _, (h_next, c_next) = self.policy(mask.unsqueeze(1), z.unsqueeze(1), (h, c))
-        return torch.tanh(mean.squeeze(1)), h_next, c_next
+    def forward(self, mask: Tensor, *told: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Return (action (1, A) in [-1, 1], h_next, c_next (1, 1, H)) of mask, [z], [last_action], h, c."""
+        config = self.policy.config
+        *given, h, c = told
+        z = given[0].unsqueeze(1) if config.context else None
+        last_action = given[-1].unsqueeze(1) if config.last_action else None
+        mean, _, state = self.policy(mask.unsqueeze(1), z, (h, c), last_action)
+        return torch.tanh(mean.squeeze(1)), *state
 
 
 class OfflineEvtStep(nn.Module):

@@ -1,9 +1,9 @@
 """The networks: AdaTracker's context encoder and policy, and the published Offline-EVT policy.
 
 AdaTracker is as its paper describes it: ``z_t = f_psi(H_t)`` over the past K mask-action pairs, and a
-recurrent policy on ``concat(CNN(m_t), z_t)``. What the paper leaves open is said where it is chosen. Masks
-are float32 (..., C, S, S), drawn and scaled as the bundle's manifest says; actions are float32 in [-1, 1];
-B is the batch, T and K are lengths in time.
+recurrent policy on ``concat(CNN(m_t), z_t)``. What the paper leaves open is said where it is chosen, and what
+is not the paper's is marked as ours. Masks are float32 (..., C, S, S), drawn and scaled as the bundle's
+manifest says; actions are float32 in [-1, 1]; B is the batch, T and K are lengths in time.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from adatracker_deploy.errors import UsageError
 from adatracker_deploy.schema import Range
 
 LstmState = tuple[Tensor, Tensor]
@@ -34,32 +35,43 @@ class AdaTrackerConfig:
     size: Annotated[int, Range(16, 256)] = 64
     """Side of the square mask, pixels; 64 as in the published Offline-EVT policy."""
     actions: Annotated[int, Range(1, 4)] = 2
-    history: Annotated[int, Range(1, 256)] = 16
-    """K: 1.6 s at 10 Hz, several times the lag of a robot's base (0.1 to 0.4 s)."""
+    history: Annotated[int, Range(0, 256)] = 16
+    """K: 1.6 s at 10 Hz, several times the lag of a robot's base (0.1 to 0.4 s); 0 without an encoder."""
     features: Annotated[int, Range(1, 4096)] = 96
     """Of one mask, out of a backbone."""
-    context: Annotated[int, Range(1, 1024)] = 16
-    """Size of z: a body is a handful of numbers (height, pitch, field of view, limits, lag, delay)."""
+    context: Annotated[int, Range(0, 1024)] = 16
+    """Size of z: a body is a handful of numbers (height, pitch, field of view, limits, lag, delay); 0 without
+    an encoder."""
     encoder_hidden: Annotated[int, Range(1, 4096)] = 64
     hidden: Annotated[int, Range(1, 4096)] = 64
     """H of the policy's LSTM; 64 as in the published Offline-EVT policy."""
     actor: Annotated[int, Range(1, 4096)] = 128
     """Width of the actor's hidden layer."""
+    last_action: bool = False
+    """The policy is also told its last action; ours, not the paper's."""
+    lstm: bool = True
+    """Without, a layer of the same width without memory is in the place of the policy's LSTM."""
+
+    def __post_init__(self) -> None:
+        if (self.history > 0) is not (self.context > 0):
+            raise UsageError(
+                f"history {self.history} and context {self.context}: both are 0 (no encoder) or neither is"
+            )
 
 
 class Backbone(nn.Module):
     """The convolutions over one mask: (N, C, S, S) -> (N, features).
 
     The first layer reads 4x4 patches without overlap: a mask is flat almost everywhere, and at full
-    resolution one 3x3 layer of this width would cost more than all of these layers together (1.8 million
+    resolution one 3x3 layer of this width would cost more than all of these layers together (1.1 million
     multiply-adds at the default sizes).
     """
 
     def __init__(self, config: AdaTrackerConfig) -> None:
         super().__init__()
-        self.patches = nn.Conv2d(config.channels, 32, 4, stride=4)
-        self.conv1 = nn.Conv2d(32, 48, 3, stride=2, padding=1)
-        self.conv2 = nn.Conv2d(48, 64, 3, stride=2, padding=1)
+        self.patches = nn.Conv2d(config.channels, 24, 4, stride=4)
+        self.conv1 = nn.Conv2d(24, 32, 3, stride=2, padding=1)
+        self.conv2 = nn.Conv2d(32, 64, 3, stride=2, padding=1)
         side = math.ceil(config.size // 4 / 4)  # the patches' rows and columns, halved twice
         self.project = nn.Linear(64 * side**2, config.features)
 
@@ -70,14 +82,19 @@ class Backbone(nn.Module):
         x = functional.relu(self.conv2(x))
         return functional.relu(self.project(x.flatten(1)))
 
+    def sequences(self, masks: Tensor) -> Tensor:
+        """Return the features (B, T, features) of masks (B, T, C, S, S)."""
+        features: Tensor = self(masks.flatten(0, 1))
+        return features.unflatten(0, masks.shape[:2])
+
 
 class ContextEncoder(nn.Module):
     """``f_psi``: K mask-action pairs -> z, "a convolutional backbone and a single-layer LSTM".
 
     Open in the paper: where the action enters (beside the mask's features, at each step of the LSTM), the
     LSTM's initial state (zero) and how its last output becomes z (one linear layer, then tanh, so that z
-    stays in [-1, 1] on bodies never seen). The backbone is not shared with the policy's: each graph of a
-    bundle stands alone, and the two look for different things.
+    stays in [-1, 1] on bodies never seen). Each graph of a bundle stands alone, so it has a backbone of its
+    own; training may let the policy use the same one.
     """
 
     def __init__(self, config: AdaTrackerConfig) -> None:
@@ -97,8 +114,7 @@ class ContextEncoder(nn.Module):
         Returns:
             (B, T, F), F = features + A.
         """
-        features = self.backbone(masks.flatten(0, 1)).unflatten(0, masks.shape[:2])
-        return torch.cat((features, actions), dim=-1)
+        return torch.cat((self.backbone.sequences(masks), actions), dim=-1)
 
     def summarise(self, pairs: Tensor) -> Tensor:
         """Return z, (B, Z), of pairs (B, K, F), oldest first."""
@@ -123,6 +139,22 @@ class ContextHeads(nn.Module):
         return reward, height
 
 
+class DynamicsHead(nn.Module):
+    """z -> how the body moves; for training only.
+
+    Ours: the paper trusts the reward's prediction to tie z to the dynamics.
+    """
+
+    def __init__(self, config: AdaTrackerConfig) -> None:
+        super().__init__()
+        self.mlp = nn.Sequential(nn.Linear(config.context, 64), nn.ReLU(), nn.Linear(64, 4))
+
+    def forward(self, z: Tensor) -> Tensor:
+        """Return (..., 4) of z (..., Z): what `losses.dynamics_targets` makes of limits, lag and delay."""
+        x: Tensor = self.mlp(z)
+        return x
+
+
 class Actor(nn.Module):
     """A Gaussian over actions before tanh, from the policy's recurrent feature."""
 
@@ -141,33 +173,56 @@ class Actor(nn.Module):
 class ContextPolicy(nn.Module):
     """``u_t = concat(CNN(m_t), z_t); x_t, (h_t, c_t) = LSTM(u_t, (h_{t-1}, c_{t-1}))``, and an actor on x_t.
 
-    At deployment the action is tanh of the mean.
+    At deployment the action is tanh of the mean. Variants leave z out, or put the last action beside it.
     """
 
     def __init__(self, config: AdaTrackerConfig) -> None:
         super().__init__()
         self.config = config
         self.backbone = Backbone(config)
-        self.lstm = nn.LSTM(config.features + config.context, config.hidden, batch_first=True)
+        inputs = config.features + config.context + (config.actions if config.last_action else 0)
+        self.memory = (
+            nn.LSTM(inputs, config.hidden, batch_first=True)
+            if config.lstm
+            else nn.Linear(inputs, config.hidden)
+        )
         self.actor = Actor(config.hidden, config.actor, config.actions)
 
     def forward(
-        self, masks: Tensor, z: Tensor, state: LstmState | None = None
-    ) -> tuple[Tensor, Tensor, LstmState]:
+        self,
+        masks: Tensor,
+        z: Tensor | None,
+        state: LstmState | None = None,
+        last_actions: Tensor | None = None,
+    ) -> tuple[Tensor, Tensor, LstmState | None]:
         """Return (mean, log_std, state) over a sequence.
 
         Args:
             masks: (B, T, C, S, S).
-            z: (B, T, Z).
+            z: (B, T, Z); None without an encoder.
             state: of the step before; zeros if None.
+            last_actions: (B, T, A), of the steps before; None where the configuration leaves them out.
 
         Returns:
             mean and log_std, each (B, T, A), before tanh, and the state after the last step.
         """
-        features = self.backbone(masks.flatten(0, 1)).unflatten(0, masks.shape[:2])
-        x, state = self.lstm(torch.cat((features, z), dim=-1), state)
+        x, state = self.recall(self.backbone.sequences(masks), z, state, last_actions)
         mean, log_std = self.actor(x)
         return mean, log_std, state
+
+    def recall(
+        self,
+        features: Tensor,
+        z: Tensor | None,
+        state: LstmState | None = None,
+        last_actions: Tensor | None = None,
+    ) -> tuple[Tensor, LstmState | None]:
+        """Return x (B, T, H) and the state after the last step, of the backbone's features (B, T, F)."""
+        u = torch.cat([part for part in (features, z, last_actions) if part is not None], dim=-1)
+        if isinstance(self.memory, nn.LSTM):
+            x, state = self.memory(u, state)
+            return x, state
+        return functional.relu(self.memory(u)), state
 
 
 class _CnnSimple(nn.Module):

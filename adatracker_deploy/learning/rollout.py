@@ -32,23 +32,29 @@ def rollout(checkpoint: Checkpoint, masks: NDArray[np.float32]) -> Golden:
         if isinstance(checkpoint, OfflineEvt):
             mean, _ = checkpoint.policy(seen[None])
             return answers | {"action": torch.tanh(mean[0]).numpy()}
-        actions, contexts = _with_context(checkpoint.encoder, checkpoint.policy, seen)
-    return answers | {"action": actions.numpy(), "z": contexts.numpy()}
+        actions, contexts = _adatracker(checkpoint.encoder, checkpoint.policy, seen)
+    answers["action"] = actions.numpy()
+    return answers if checkpoint.encoder is None else answers | {"z": contexts.numpy()}
 
 
-def _with_context(encoder: ContextEncoder, policy: ContextPolicy, masks: Tensor) -> tuple[Tensor, Tensor]:
-    """Return actions (T, A) and contexts (T, Z); pairs from before the episode are blank."""
-    config = encoder.config
+def _adatracker(
+    encoder: ContextEncoder | None, policy: ContextPolicy, masks: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Return actions (T, A) and contexts (T, Z); pairs and actions from before the episode are zeros."""
+    config = policy.config
     past_masks = torch.cat((torch.zeros(config.history, *masks.shape[1:]), masks))
     past_actions = torch.zeros(config.history + len(masks), config.actions)
     contexts = torch.zeros(len(masks), config.context)
+    last_action = torch.zeros(1, 1, config.actions)
     state: LstmState | None = None
     for tick, mask in enumerate(masks):
-        window = slice(tick, tick + config.history)
-        z = encoder(past_masks[None, window], past_actions[None, window])
-        mean, _, state = policy(mask[None, None], z[None], state)
-        contexts[tick] = z[0]
-        past_actions[tick + config.history] = torch.tanh(mean[0, 0])
+        window, z = slice(tick, tick + config.history), None
+        if encoder is not None:
+            z = encoder(past_masks[None, window], past_actions[None, window])[None]
+            contexts[tick] = z[0, 0]
+        mean, _, state = policy(mask[None, None], z, state, last_action if config.last_action else None)
+        last_action = torch.tanh(mean)
+        past_actions[tick + config.history] = last_action[0, 0]
     return past_actions[config.history :], contexts
 
 

@@ -37,6 +37,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 SCHEMA = "adatracker-shard-1"
+SHARD_STEPS = 5000
+"""Of a full shard: some ten episodes, a few seconds of work to lose when a collection is interrupted."""
 PACKED = MASK_SIZE * MASK_SIZE // 4
 """Bytes of a packed mask."""
 
@@ -90,10 +92,6 @@ class Steps:
         """Return all steps of all parts, in order."""
         return cls(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in _ARRAYS})
 
-    def head(self, count: int) -> Steps:
-        """Return the first `count` steps."""
-        return Steps(**{name: getattr(self, name)[:count] for name in _ARRAYS})
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EpisodeHeader:
@@ -101,6 +99,10 @@ class EpisodeHeader:
 
     spec: EpisodeSpec
     steps: int
+
+
+Record = tuple[EpisodeHeader, Steps]
+"""One episode."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,6 +120,17 @@ class _Header:
     schema: str
     source: str
     episodes: tuple[EpisodeHeader, ...]
+
+
+def shard_name(index: int) -> str:
+    """Return the file name of a collection's `index`-th shard."""
+    return f"shard-{index:05d}.npz"
+
+
+def joined_shard(source: str, records: Sequence[Record]) -> Shard:
+    """Return one shard of some episodes, at least one."""
+    headers, steps = zip(*records, strict=True)
+    return Shard(source=source, episodes=headers, steps=Steps.joined(steps))
 
 
 def write_shard(path: Path, shard: Shard) -> None:

@@ -1,0 +1,139 @@
+"""Collecting a recipe's data: the perturbed expert in many episodes, shard by shard, on all cores.
+
+A shard depends on the recipe, the run's seed and its own number alone. So an interrupted collection goes on
+where it stopped, and any number of workers leaves the same files behind.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import multiprocessing
+import os
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from typing import TYPE_CHECKING
+
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.learning.data.perturbation import Perturbation
+from adatracker_deploy.learning.data.rollout import Rollout
+from adatracker_deploy.learning.data.shard import (
+    SCHEMA,
+    SHARD_STEPS,
+    Record,
+    joined_shard,
+    read_shard,
+    shard_name,
+    write_shard,
+)
+from adatracker_deploy.learning.seeds import training_seed
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+    from adatracker_deploy.learning.data.recipe import Recipe
+
+_ABOUT = "collection.json"
+
+
+def collect(
+    recipe: Recipe,
+    out_dir: Path,
+    *,
+    steps: int | None = None,
+    seed: int = 0,
+    workers: int = 1,
+    progress: Callable[[int, int], None] | None = None,
+) -> None:
+    """Fill a folder with shards of `SHARD_STEPS` steps; the last one may be smaller.
+
+    Args:
+        recipe: what is collected.
+        out_dir: made where it is missing; a collection in it that was interrupted is gone on with.
+        steps: how many; by default the recipe's.
+        seed: of the run.
+        workers: processes; 1 stays in this one.
+        progress: told after each shard how many steps of how many are done.
+
+    Raises:
+        UsageError: the folder holds another collection or a damaged shard, cannot be written to, or a world
+            or body is not installed.
+    """
+    steps = recipe.steps if steps is None else steps
+    _claim(out_dir, recipe, seed)
+    sizes = [min(SHARD_STEPS, steps - first) for first in range(0, steps, SHARD_STEPS)]
+    missing = [index for index, size in enumerate(sizes) if not _is_done(out_dir / shard_name(index), size)]
+    done = steps - sum(sizes[index] for index in missing)
+    if progress is not None:
+        progress(done, steps)
+    for index in _made(recipe, out_dir, seed, {index: sizes[index] for index in missing}, workers):
+        done += sizes[index]
+        if progress is not None:
+            progress(done, steps)
+
+
+def collect_shard(recipe: Recipe, seed: int, index: int, steps: int, path: Path) -> int:
+    """Collect the `index`-th shard of a run into a file and return its index."""
+    records: list[Record] = []
+    left = steps
+    while left:
+        episode_seed = training_seed(seed, index, len(records))
+        records.append(perturbed_episode(recipe, episode_seed, min(left, recipe.episode_steps)))
+        left -= records[-1][0].steps
+    write_shard(path, joined_shard(f"{recipe.name}, seed {seed}", records))
+    return index
+
+
+def perturbed_episode(recipe: Recipe, seed: int, steps: int) -> Record:
+    """Return the episode of a seed, driven by the perturbed expert for at most `steps` steps."""
+    rollout = Rollout(recipe.draw(seed), steps)
+    perturb = Perturbation.drawn(seed)
+    while not rollout.ended:
+        rollout.step(perturb(rollout.expert))
+    return rollout.record()
+
+
+def _made(recipe: Recipe, out_dir: Path, seed: int, sizes: dict[int, int], workers: int) -> Iterator[int]:
+    """Collect shards of these sizes; yield the index of each when it is on disk."""
+    jobs = [(recipe, seed, index, steps, out_dir / shard_name(index)) for index, steps in sizes.items()]
+    if workers == 1 or len(jobs) <= 1:
+        yield from (collect_shard(*job) for job in jobs)
+        return
+    with _processes(min(workers, len(jobs))) as pool:
+        futures = [pool.submit(collect_shard, *job) for job in jobs]
+        try:
+            yield from (future.result() for future in as_completed(futures))
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _processes(workers: int) -> Executor:
+    # Read when a worker loads its linear algebra: threads that wait for each other on busy cores cost more
+    # than they bring.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    return ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"))
+
+
+def _is_done(path: Path, steps: int) -> bool:
+    """Tell whether a shard is there; one of another size was the last of a smaller collection."""
+    return path.exists() and len(read_shard(path).steps) == steps
+
+
+def _claim(out_dir: Path, recipe: Recipe, seed: int) -> None:
+    """Write down what a folder is for, or see that it is for the same."""
+    about = json.loads(json.dumps({"schema": SCHEMA, "seed": seed, "recipe": dataclasses.asdict(recipe)}))
+    path = out_dir / _ABOUT
+    try:
+        out_dir.mkdir(parents=True, exist_ok=True)
+        if not path.exists():
+            if any(out_dir.glob("shard-*.npz")):
+                raise UsageError(f"{out_dir}: holds shards but no {_ABOUT}; name another folder")
+            path.write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
+            return
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{path}: cannot be used: {error}") from error
+    if found != about:
+        raise UsageError(
+            f"{out_dir}: holds another collection (recipe, seed or schema differ); name another folder"
+        )

@@ -1,0 +1,73 @@
+"""One episode on its way into a shard: the world steps, the expert labels, everything is written down."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from adatracker_deploy.learning.data.shard import EpisodeHeader, Steps, pack_masks
+from adatracker_deploy.learning.expert import Expert
+from adatracker_deploy.learning.tracking import ACTION, Tracking
+from adatracker_deploy.policy.base import to_twist
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from adatracker_deploy.learning.episode_spec import EpisodeSpec
+    from adatracker_deploy.messages import ClassMask
+
+
+class Rollout:
+    """An episode in which somebody else chooses the actions and the expert says what it would have done.
+
+    Attributes:
+        mask: what is seen now, (64, 64), uint8.
+        expert: the expert's action for now, (2,), float32.
+        ended: the episode is over.
+    """
+
+    def __init__(self, spec: EpisodeSpec, steps: int) -> None:
+        """Begin an episode of at most `steps` steps.
+
+        Raises:
+            UsageError: its world or body is not installed.
+        """
+        self._spec = spec
+        self._tracking = Tracking(spec, spec.task_settings(steps))
+        self.mask: ClassMask = self._tracking.begin().mask
+        self._guide = Expert(self._tracking)
+        self.expert: NDArray[np.float32] = self._guide.act()
+        self.ended = False
+        self._dropped = False
+        self._masks: list[ClassMask] = []
+        self._rows: list[tuple[NDArray[np.float32], NDArray[np.float32], float, bool, bool, bool]] = []
+
+    def __len__(self) -> int:
+        """Return how many steps were made."""
+        return len(self._rows)
+
+    def step(self, action: NDArray[np.float32]) -> None:
+        """Execute an action of shape (2,), clipped to [-1, 1]."""
+        action = np.clip(action, -1.0, 1.0).astype(np.float32)
+        tick = self._tracking.step(action)
+        self._masks.append(self.mask)
+        lost = tick.end == "lost"
+        self._rows.append((action, self.expert, tick.reward, tick.visible, self._dropped, lost))
+        self.mask, self._dropped, self.ended = tick.observation.mask, tick.dropped, bool(tick.end)
+        self._guide.executed(to_twist(action, ACTION, self._tracking.limits))
+        self.expert = self._guide.act()
+
+    def record(self) -> tuple[EpisodeHeader, Steps]:
+        """Return what happened so far, at least one step."""
+        actions, experts, rewards, visible, dropped, done = zip(*self._rows, strict=True)
+        steps = Steps(
+            masks=pack_masks(np.stack(self._masks)),
+            actions=np.stack(actions),
+            experts=np.stack(experts),
+            rewards=np.array(rewards, np.float32),
+            visible=np.array(visible),
+            dropped=np.array(dropped),
+            done=np.array(done),
+        )
+        return EpisodeHeader(spec=self._spec, steps=len(steps)), steps

@@ -1,0 +1,162 @@
+"""The task as Gymnasium environments; importing this module registers them (needs the train extra).
+
+`AdaTracker-v0` draws its episodes from the deploy recipe; `AdaTrackerClean-v0`, `AdaTrackerField-v0` and
+`AdaTrackerHard-v0` from the paper's 16 bodies under that condition. `reset(seed=...)` takes the seed of the
+episode itself (see `seeds`), later resets without one draw training seeds.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any, Literal
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from adatracker_deploy.learning.conditions import CONDITIONS, condition_named, make_cell, random_cell
+from adatracker_deploy.learning.data.recipe import load_recipe
+from adatracker_deploy.learning.episode_spec import MASK_SIZE, EpisodeSpec
+from adatracker_deploy.learning.seeds import TRAINING
+from adatracker_deploy.learning.tracking import Tracking
+from adatracker_deploy.messages import Truth
+from adatracker_deploy.trial.metrics import MAX_LOST_STEPS
+
+Observed = NDArray[np.uint8]
+Rules = Literal["paper", "simulator"]
+
+SIMULATOR_LOST_STEPS = MAX_LOST_STEPS + 1
+"""The published simulator's code ends an episode at the 51st lost step,"""
+SIMULATOR_LEAST_REWARD = -1.0
+"""and lets no reward fall below -1."""
+
+
+class TrackingEnv(gymnasium.Env[Observed, NDArray[np.float32]]):
+    """One episode after the other: class masks in, fractions of the body's limits out.
+
+    The observation is a class mask, uint8 (64, 64), or an RGB image, uint8 (64, 64, 3), which is never spoilt
+    by noise. The action is float32 (2,) in [-1, 1]: forward, and yaw with counter-clockwise positive, in the
+    order and with the signs of AdaTracker's bundles. A lost target terminates, the horizon truncates. `info`
+    holds the truth of the moment and what the policy is to find out about the body.
+
+    Args:
+        condition: draw cells of this condition.
+        recipe: draw episodes of this recipe, by name or path; used when no condition is given.
+        height_m: of every episode's camera; only with a condition and a target's speed.
+        target_speed_m_s: of every episode; only with a condition and a height.
+        observe: what is observed.
+        rules: the paper's, or those of the published simulator where it differs.
+        steps: the horizon.
+        render_mode: `rgb_array` or nothing.
+
+    Raises:
+        UsageError: no such condition or recipe.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}
+
+    def __init__(
+        self,
+        *,
+        condition: str | None = None,
+        recipe: str = "deploy",
+        height_m: float | None = None,
+        target_speed_m_s: float | None = None,
+        observe: Literal["mask", "rgb"] = "mask",
+        rules: Rules = "paper",
+        steps: int = 500,
+        render_mode: str | None = None,
+    ) -> None:
+        self._condition = condition_named(condition) if condition else None
+        self._recipe = None if condition else load_recipe(recipe)
+        self._cell = (height_m, target_speed_m_s)
+        self._observe = observe
+        self._rules = rules
+        self._steps = steps
+        self.render_mode = render_mode
+        if observe == "mask":
+            self.observation_space = spaces.Box(0, 3, (MASK_SIZE, MASK_SIZE), np.uint8)
+        else:
+            self.observation_space = spaces.Box(0, 255, (MASK_SIZE, MASK_SIZE, 3), np.uint8)
+        self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
+        self.tracking: Tracking | None = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observed, dict[str, Any]]:
+        """Begin the episode of a seed; `options` may give a whole `EpisodeSpec` as `spec`."""
+        super().reset(seed=seed)
+        episode_seed = seed if seed is not None else int(self.np_random.integers(len(TRAINING)))
+        spec: EpisodeSpec = (options or {}).get("spec") or self._draw(episode_seed)
+        settings = spec.task_settings(self._steps)
+        if self._rules == "simulator":
+            settings = replace(
+                settings, max_lost_steps=SIMULATOR_LOST_STEPS, least_reward=SIMULATOR_LEAST_REWARD
+            )
+        self.tracking = Tracking(spec, settings)
+        seen = self.tracking.begin()
+        world, body = self.tracking.task.world, self.tracking.task.body
+        truth = world.truth(seen.mask, body.pose, body.camera_pose, settings.body_radius_m)
+        return self._observed(seen.mask), self._info(truth, visible=True, dropped=False)
+
+    def step(self, action: NDArray[np.float32]) -> tuple[Observed, float, bool, bool, dict[str, Any]]:
+        """Follow an action for 0.1 s."""
+        if self.tracking is None:
+            raise gymnasium.error.ResetNeeded("call reset before step")
+        tick = self.tracking.step(action)
+        info = self._info(tick.truth, visible=tick.visible, dropped=tick.dropped)
+        observed = self._observed(tick.observation.mask)
+        return observed, tick.reward, tick.end == "lost", tick.end == "completed", info
+
+    def render(self) -> NDArray[np.uint8]:
+        """Return what the body's camera sees, RGB uint8 (256, 256, 3)."""
+        return self._image(256)
+
+    def _draw(self, seed: int) -> EpisodeSpec:
+        if self._recipe is not None:
+            return self._recipe.draw(seed)
+        assert self._condition is not None
+        height_m, target_speed_m_s = self._cell
+        if height_m is None or target_speed_m_s is None:
+            return random_cell(self._condition, seed)
+        return make_cell(self._condition, height_m, target_speed_m_s, seed)
+
+    def _observed(self, mask: Observed) -> Observed:
+        return mask if self._observe == "mask" else self._image(MASK_SIZE)
+
+    def _image(self, size: int) -> NDArray[np.uint8]:
+        if self.tracking is None:
+            raise gymnasium.error.ResetNeeded("call reset before render")
+        task = self.tracking.task
+        return task.world.render(task.body.camera_pose, task.settings.fov_rad, size, size)[1]
+
+    def _info(self, truth: Truth, *, visible: bool, dropped: bool) -> dict[str, Any]:
+        assert self.tracking is not None
+        body = self.tracking.spec.embodiment
+        return {
+            "distance_m": truth.distance_m,
+            "bearing_rad": truth.bearing_rad,
+            "collided": truth.collided,
+            "visible": visible,
+            "dropped": dropped,
+            "height_m": body.height_m,
+            "pitch_rad": math.radians(body.pitch_deg),
+            "fov_rad": math.radians(body.fov_deg),
+            "forward_m_s": body.forward_m_s,
+            "backward_m_s": body.backward_m_s,
+            "yaw_rate_rad_s": body.yaw_rate_rad_s,
+            "lag_s": body.lag_s,
+            "delay_s": body.delay_s,
+        }
+
+
+def _register() -> None:
+    here = f"{__name__}:{TrackingEnv.__name__}"
+    gymnasium.register("AdaTracker-v0", here)
+    for name in CONDITIONS:
+        gymnasium.register(f"AdaTracker{name.capitalize()}-v0", here, kwargs={"condition": name})
+
+
+_register()

@@ -1,0 +1,123 @@
+"""The expert: follows by the truth, and is the ceiling of everything that imitates it.
+
+It knows the body's limits, lag and delay and the target's place and velocity. It looks ahead to the moment
+when its action begins to work, and steers so that soon after the body will be at 2.5 m and bearing zero from
+where the target will be then: proportional control with the target's motion fed forward.
+Gains were chosen on tuning seeds (see `seeds`), one episode a cell: AR 498 in `clean`, 488 in `field`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adatracker_deploy.geometry import wrap_angle
+from adatracker_deploy.learning.episode_spec import RATE_HZ
+from adatracker_deploy.learning.tracking import Tracking
+from adatracker_deploy.platform import Twist
+from adatracker_deploy.trial.metrics import DESIRED_DISTANCE_M
+
+_DT_S = 1.0 / RATE_HZ
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExpertGains:
+    """How it steers."""
+
+    lags: float = 0.5
+    """It means to be right again this many of the body's lags, and one step, after its action works."""
+    lead: float = 0.7
+    """Share of the body's lag that is made up for by commanding more than is wanted."""
+    curve: float = 0.8
+    """Share of the target's turning that is taken to go on."""
+
+
+@dataclass(frozen=True, slots=True)
+class _State:
+    """Where the body is and how fast it goes."""
+
+    x: float
+    y: float
+    yaw: float
+    forward: float
+    turn: float
+
+
+class Expert:
+    """Answers for one episode; tell it every action that is executed, its own or not."""
+
+    def __init__(self, tracking: Tracking, gains: ExpertGains | None = None) -> None:
+        self._tracking = tracking
+        self._gains = gains or ExpertGains()
+        body = tracking.spec.embodiment
+        self._limits = body
+        self._share = 1.0 - math.exp(-_DT_S / body.lag_s) if body.lag_s > 0 else 1.0
+        self._delayed: deque[Twist] = deque([Twist()] * round(body.delay_s / _DT_S))
+        self._target = tracking.task.world.target_xy
+        self._speed = self._heading = self._turning = 0.0
+
+    def act(self) -> NDArray[np.float32]:
+        """Return the action for now, shape (2,) in [-1, 1]; call once a step, before the step is made."""
+        self._watch()
+        state = self._when_it_works()
+        ahead_s = _DT_S + self._gains.lags * self._limits.lag_s
+        aim_x, aim_y = self._target_in(_DT_S * len(self._delayed) + ahead_s)
+        away_x, away_y = aim_x - state.x, aim_y - state.y
+        bearing = wrap_angle(math.atan2(away_y, away_x) - state.yaw)
+        # The bearing will be that of the place the body gets to, not of where it is.
+        forward = (math.hypot(away_x, away_y) - DESIRED_DISTANCE_M) / ahead_s * max(0.0, math.cos(bearing))
+        turn = bearing / ahead_s
+        return self._normalised(self._led(forward, state.forward), self._led(turn, state.turn))
+
+    def executed(self, command: Twist) -> None:
+        """Learn what was really commanded, so that what is still under way is known."""
+        self._delayed.append(command)
+        self._delayed.popleft()
+
+    def _watch(self) -> None:
+        x, y = self._tracking.task.world.target_xy
+        vx, vy = (x - self._target[0]) / _DT_S, (y - self._target[1]) / _DT_S
+        walks = math.hypot(vx, vy) > 0.05
+        heading = math.atan2(vy, vx) if walks else self._heading
+        self._turning = wrap_angle(heading - self._heading) / _DT_S if self._speed > 0.05 and walks else 0.0
+        self._target, self._speed, self._heading = (x, y), math.hypot(vx, vy), heading
+
+    def _target_in(self, seconds: float) -> tuple[float, float]:
+        """Return where the target will be, along an arc."""
+        along = self._heading + self._gains.curve * self._turning * seconds / 2
+        reach = self._speed * seconds
+        return self._target[0] + reach * math.cos(along), self._target[1] + reach * math.sin(along)
+
+    def _when_it_works(self) -> _State:
+        """Return the body's state when this step's action begins to work, by what is still under way."""
+        body = self._tracking.task.body
+        pose, velocity = body.pose, body.velocity
+        state = _State(pose.x, pose.y, pose.yaw, velocity.vx, velocity.yaw_rate)
+        for command in self._delayed:
+            state = self._after(state, command)
+        return state
+
+    def _after(self, state: _State, command: Twist) -> _State:
+        forward = state.forward + self._share * (command.vx - state.forward)
+        turn = state.turn + self._share * (command.yaw_rate - state.turn)
+        along = state.yaw + turn * _DT_S / 2
+        return _State(
+            state.x + forward * _DT_S * math.cos(along),
+            state.y + forward * _DT_S * math.sin(along),
+            state.yaw + turn * _DT_S,
+            forward,
+            turn,
+        )
+
+    def _led(self, wanted: float, now: float) -> float:
+        """Return the command that brings a lagging velocity to `wanted` sooner."""
+        return wanted + self._gains.lead * (1.0 / self._share - 1.0) * (wanted - now)
+
+    def _normalised(self, forward: float, turn: float) -> NDArray[np.float32]:
+        body = self._limits
+        action = np.array([forward / body.forward_m_s, turn / body.yaw_rate_rad_s], np.float32)
+        return action.clip(-1.0, 1.0)
