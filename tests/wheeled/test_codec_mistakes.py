@@ -12,7 +12,7 @@ from shipped_roles import codec_from, codec_of, limits_of, roles_as_written
 
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.platform import Twist
-from adatracker_wheeled.protocol import BaseStatus, CanFrame, Reading
+from adatracker_wheeled.protocol import BaseStatus, CanFrame, Malformed, Reading
 
 MINE = """VERSION ""
 
@@ -150,6 +150,13 @@ def test_one_29_bit_message_can_tell_everything(own):
     )
     heard = codec.parse(frames[0])
     assert (heard.status.mode, heard.motion, heard.battery) == ("ours", said.motion, 0.5)
+
+
+def test_a_charge_in_percent_that_was_not_scaled_is_malformed(own):
+    said = codec_from(own).battery_frames(Reading(status=BaseStatus(mode="ours"), battery=0.5))
+    own["battery"][0]["signals"]["charge"] = "Charge"
+    with pytest.raises(Malformed, match="state of charge of 50"):
+        codec_from(own).parse(said[0])
 
 
 def test_a_base_without_words_for_a_fault_says_so(own):

@@ -75,6 +75,7 @@ def test_steering_never_passes_its_stop_and_never_turns_the_other_way(drive, vx,
 @steered
 def test_a_standing_car_keeps_its_wheels_straight_and_does_not_turn(drive):
     assert drive.quantities(Twist(yaw_rate=1.0))["steering_rad"] == 0.0
+    assert drive.quantities(Twist(vx=0.9 * CREEP_M_S, yaw_rate=1.0))["steering_rad"] == 0.0
     assert sent_and_heard(drive, Twist(yaw_rate=1.0), "vx_m_s", "steering_rad") == ZERO
 
 

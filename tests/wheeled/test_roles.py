@@ -121,6 +121,12 @@ def test_a_mode_value_has_one_meaning():
     assert "mode 0 is given two meanings" in refused(written)
 
 
+def test_a_condition_is_well_or_an_emergency_stop_but_not_both():
+    written = roles_as_written()
+    written["state"]["emergency_stop"] = [1, 0]
+    assert "condition 0 is given two meanings" in refused(written)
+
+
 def test_an_error_bit_has_one_name():
     written = roles_as_written()
     written["state"]["faults"]["the same again"] = 0
