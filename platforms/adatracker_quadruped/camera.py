@@ -6,7 +6,9 @@ it is one; then, and only then, each image is paired with the truth of the same 
 
 from __future__ import annotations
 
-import contextlib
+import atexit
+import threading
+from collections import deque
 from typing import TYPE_CHECKING
 
 import zenoh
@@ -19,7 +21,7 @@ from adatracker_quadruped.keys import Keys
 from adatracker_quadruped.messages import decode_compressed_image
 from adatracker_quadruped.protocol import IMAGE_CAP_BYTES
 from adatracker_quadruped.session import open_session
-from adatracker_quadruped.sitl_keys import SitlKeys, stamp_of, truth_of
+from adatracker_quadruped.sitl_keys import TRUTH_CAP_BYTES, SitlKeys, stamp_of, truth_of
 from adatracker_quadruped.watch import fresh
 
 if TYPE_CHECKING:
@@ -48,6 +50,8 @@ class ZenohCamera(LiveCamera):
         self._sitl_keys = SitlKeys(self._connection)
         self._decode = fresh(decode_compressed_image)
         self._session: zenoh.Session | None = None
+        self._using = threading.Lock()
+        """Held by whoever uses the session: Zenoh's raises a RuntimeError when it is closed meanwhile."""
         self._rehearses = False
         self.dropped = 0
         """Messages that were malformed, too large, repeated or without their truth."""
@@ -58,26 +62,28 @@ class ZenohCamera(LiveCamera):
         Raises:
             PlatformError: the robot does not answer any more, or its camera is silent or frozen.
         """
-        session = self._session
-        if session is not None and not session.is_closed() and not any(_neighbours(session)):
+        with self._using:
+            gone = self._session is not None and not any(_neighbours(self._session))
+        if gone:
             endpoint = self._connection.endpoint
             raise PlatformError(f"camera {self.name}: nobody answers at {endpoint} any more")
         return super().read(now_ns)
 
     def go(self) -> None:
         """Let the people of a rehearsal walk; a real robot is not told."""
-        if self._session is not None and self._rehearses:
-            self._session.put(self._sitl_keys.go, b"")
+        with self._using:
+            if self._session is not None and self._rehearses:
+                self._session.put(self._sitl_keys.go, b"")
 
     def _pictures(self) -> Generator[Picture, None, None]:
-        with open_session(self._connection) as session:
-            self._session = session
-            self._rehearses = any(
-                reply.ok
-                for reply in session.liveliness().get(self._sitl_keys.alive, timeout=_TOKEN_TIMEOUT_S)
-            )
-            truths = _Truths(session, self._sitl_keys.truth) if self._rehearses else None
-            images = session.declare_subscriber(self._key, zenoh.handlers.RingChannel(1))
+        session = open_session(self._connection)
+        atexit.register(self.close)  # an interpreter that ends under a waiting reader aborts
+        try:
+            with self._using:
+                self._session = session
+                self._rehearses = _has_token(session, self._sitl_keys.alive)
+                truths = _Truths(session, self._sitl_keys.truth) if self._rehearses else None
+                images = session.declare_subscriber(self._key, zenoh.handlers.RingChannel(1))
             while not self._ending.is_set():
                 try:
                     sample = images.recv()
@@ -90,11 +96,15 @@ class ZenohCamera(LiveCamera):
                     self.dropped += 1
                     continue
                 yield picture
+        finally:
+            self._interrupt()
 
     def _interrupt(self) -> None:
-        if self._session is not None:
-            with contextlib.suppress(zenoh.ZError):  # it was closed before
-                self._session.close()
+        atexit.unregister(self.close)
+        with self._using:
+            session, self._session = self._session, None
+            if session is not None:
+                session.close()
 
     def _picture(self, sample: zenoh.Sample, t_ns: int, truths: _Truths | None) -> Picture:
         if len(sample.payload) > IMAGE_CAP_BYTES:
@@ -105,10 +115,11 @@ class ZenohCamera(LiveCamera):
 
 
 class _Truths:
-    """The truths of a rehearsal that have come, by the stamps of their images."""
+    """The truths of a rehearsal that came last, by the stamps of their images."""
 
     def __init__(self, session: zenoh.Session, key: str) -> None:
         self._come = session.declare_subscriber(key, zenoh.handlers.RingChannel(_TRUTHS_KEPT))
+        self._kept: deque[bytes] = deque(maxlen=_TRUTHS_KEPT)
 
     def of(self, stamp_ns: int) -> Truth:
         """Return the truth of the image with this stamp.
@@ -117,10 +128,16 @@ class _Truths:
             ValueError: it has not come, or it is malformed.
         """
         while (sample := self._come.try_recv()) is not None:
-            payload = bytes(sample.payload)
+            if len(sample.payload) <= TRUTH_CAP_BYTES:
+                self._kept.append(bytes(sample.payload))
+        for payload in self._kept:
             if stamp_of(payload) == stamp_ns:
                 return truth_of(payload)
         raise ValueError("an image without its truth")
+
+
+def _has_token(session: zenoh.Session, key: str) -> bool:
+    return any(reply.ok for reply in session.liveliness().get(key, timeout=_TOKEN_TIMEOUT_S))
 
 
 def _neighbours(session: zenoh.Session) -> list[zenoh.ZenohId]:

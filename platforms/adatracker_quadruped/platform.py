@@ -52,7 +52,7 @@ class QuadrupedPlatform(Platform):
         super().__init__(profile, clock)
         self._connection: Connection = profile.connection
         self._opening = threading.Lock()
-        """Held while the wire is opened or closed."""
+        """Held while the wire is opened, tried or closed."""
         self._steering = threading.Lock()
         """Held for one command at a time: none goes out after the stop that forbids it."""
         self._wire: Wire | None = None
@@ -86,31 +86,8 @@ class QuadrupedPlatform(Platform):
 
     def preflight(self) -> tuple[Check, ...]:
         """Listen for half a second, two at most, and judge what was heard."""
-        wire = self._connected()
-        watch = wire.watch
-        carries_camera = self.profile.camera.uri.startswith(ROBOT)
-        camera_key = Keys(with_camera(self.profile)).camera if carries_camera else ""
-        began_s, before = time.monotonic(), watch.odometry.newest
-        camera_heard = bool(camera_key) and wire.hears(camera_key, _COMPLETE_S)
-        _until(
-            lambda: all(tap.newest is not None for tap in (watch.battery, watch.imu) if tap is not None),
-            began_s + _COMPLETE_S,
-        )
-        _until(lambda: time.monotonic() > began_s + _LISTEN_S, began_s + _COMPLETE_S)
-        after, listened_s = watch.odometry.newest, time.monotonic() - began_s
-        heard = Heard(
-            command_key=wire.commander.key,
-            matched=wire.commander.matched,
-            has_rival=wire.has_rival,
-            trouble=watch.trouble(),
-            odometry_hz=(after.count - before.count) / listened_s if after and before else 0.0,
-            attitude=_attitude(watch),
-            battery=watch.battery.newest.value if watch.battery and watch.battery.newest else None,
-            camera_key=camera_key,
-            camera_heard=camera_heard,
-            dropped=sum(tap.dropped for tap in (watch.odometry, watch.imu, watch.battery) if tap is not None),
-        )
-        return judge(heard, self._connection)
+        with self._opening:
+            return judge(self._hear(self._connected()), self._connection)
 
     def engage(self) -> None:
         """Accept commands from now on.
@@ -217,6 +194,29 @@ class QuadrupedPlatform(Platform):
         from adatracker_quadruped.sitl import QuadrupedSitl
 
         return QuadrupedSitl(profile)
+
+    def _hear(self, wire: Wire) -> Heard:
+        watch = wire.watch
+        carries_camera = self.profile.camera.uri.startswith(ROBOT)
+        camera_key = Keys(with_camera(self.profile)).camera if carries_camera else ""
+        began_s, before = time.monotonic(), watch.odometry.newest
+        camera_heard = bool(camera_key) and wire.hears(camera_key, _COMPLETE_S)
+        taps = [tap for tap in (watch.odometry, watch.imu, watch.battery) if tap is not None]
+        _until(lambda: all(tap.newest is not None for tap in taps), began_s + _COMPLETE_S)
+        _until(lambda: time.monotonic() > began_s + _LISTEN_S, began_s + _COMPLETE_S)
+        after, listened_s = watch.odometry.newest, time.monotonic() - began_s
+        return Heard(
+            command_key=wire.commander.key,
+            matched=wire.commander.matched,
+            has_rival=wire.has_rival,
+            trouble=watch.trouble(),
+            odometry_hz=(after.count - before.count) / listened_s if after and before else 0.0,
+            attitude=_attitude(watch),
+            battery=watch.battery.newest.value if watch.battery and watch.battery.newest else None,
+            camera_key=camera_key,
+            camera_heard=camera_heard,
+            dropped=sum(tap.dropped for tap in taps),
+        )
 
     def _connected(self) -> Wire:
         wire = self._wire

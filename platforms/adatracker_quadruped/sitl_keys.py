@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from adatracker_deploy.messages import Truth
     from adatracker_quadruped.connection import Connection
 
+TRUTH_CAP_BYTES = 1 << 20
 _STAMP = struct.Struct("<q")
 
 
@@ -52,15 +53,8 @@ def encode_stamped_truth(stamp_ns: int, truth: Truth) -> bytes:
 
 
 def stamp_of(payload: bytes) -> int:
-    """Return the stamp of the image that a truth belongs to.
-
-    Raises:
-        ValueError: it is no stamped truth.
-    """
-    if len(payload) < _STAMP.size:
-        raise ValueError(f"not a stamped truth: {len(payload)} bytes")
-    (stamp_ns,) = _STAMP.unpack_from(payload)
-    return int(stamp_ns)
+    """Return the stamp of the image that a truth belongs to."""
+    return int.from_bytes(payload[: _STAMP.size], "little", signed=True)
 
 
 def truth_of(payload: bytes) -> Truth:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import time
 from typing import TYPE_CHECKING
 
@@ -39,6 +40,7 @@ class Wire:
         except BaseException:
             self._session.close()
             raise
+        atexit.register(self.close)  # an interpreter that ends under a waiting tap aborts
 
     def hears(self, key: str, timeout_s: float) -> bool:
         """Wait, so long at most, for anything on a key."""
@@ -55,6 +57,7 @@ class Wire:
 
     def close(self) -> None:
         """Let the token go, which stops a robot that watches it; close the session; wait for the taps."""
+        atexit.unregister(self.close)
         self._token.undeclare()
         self._session.close()
         self.watch.join()
