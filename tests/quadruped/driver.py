@@ -1,0 +1,28 @@
+"""A host of its own: walks a robot forward, then ends in the way it is told; it closes nothing.
+
+``python -m tests.quadruped.driver ENDPOINT drive|raise|forget``; it prints a line when the robot walks.
+"""
+
+import sys
+
+from adatracker_deploy.platform import Twist
+from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_quadruped.platform import QuadrupedPlatform
+from tests.quadruped.rehearsal import rehearsed, send_for, speed
+
+
+def main(endpoint, ending):
+    platform = QuadrupedPlatform(rehearsed(endpoint=endpoint), MonotonicClock())
+    platform.connect()
+    platform.engage()
+    while speed(platform) < 0.8:
+        send_for(platform, Twist(vx=1.0), 0.1)
+    print("walking", flush=True)
+    if ending == "drive":
+        send_for(platform, Twist(vx=1.0), 60.0)
+    if ending == "raise":
+        raise RuntimeError("something else went wrong")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,100 @@
+"""A simulated robot and whoever drives it, for tests of what happens between them."""
+
+import contextlib
+import dataclasses
+import math
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+from adatracker_deploy.platform import Scenario
+from adatracker_deploy.profile import load_profile
+from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_quadruped.platform import QuadrupedPlatform
+from adatracker_quadruped.session import open_session
+from adatracker_quadruped.sitl_keys import SitlKeys
+from tests.quadruped.routers import publisher_of, until
+
+PERIOD_NS = 20_000_000
+"""The link sends at 50 Hz."""
+
+
+def rehearsed(**connection):
+    """The shipped profile with some of its connection changed."""
+    profile = load_profile("go2", QuadrupedPlatform)
+    return dataclasses.replace(profile, connection=dataclasses.replace(profile.connection, **connection))
+
+
+@contextlib.contextmanager
+def far_end(profile=None):
+    """A simulated robot of its own; gives its `Sitl` and the profile that reaches it."""
+    with QuadrupedPlatform.sitl(profile or rehearsed()) as sitl:
+        yield sitl, sitl.start(MonotonicClock(), Scenario(seed=1))
+
+
+@contextlib.contextmanager
+def connected(profile):
+    """An adapter that has passed its preflight."""
+    with QuadrupedPlatform(profile, MonotonicClock()) as platform:
+        platform.connect()
+        assert [check for check in platform.preflight() if check.blocking and not check.ok] == []
+        yield platform
+
+
+def send_for(platform, command, seconds):
+    """Send at 50 Hz, as the link does."""
+    clock = platform.clock
+    start_ns = clock.now_ns()
+    for tick in range(round(seconds * 1e9 / PERIOD_NS)):
+        clock.sleep_until(start_ns + tick * PERIOD_NS)
+        platform.send(command, clock.now_ns())
+
+
+def goes_wrong(profile, fault):
+    """Tell the simulated robot what is wrong with it, or that nothing is any more."""
+    with open_session(profile.connection) as session:
+        tell(session, SitlKeys(profile.connection).fault, str(fault).encode())
+
+
+def tell(session, key, payload):
+    """Put once somebody listens."""
+    publisher = publisher_of(session, key)
+    until(lambda: publisher.matching_status.matching)
+    publisher.put(payload)
+
+
+def speed(platform):
+    """What the robot's odometry says, m/s."""
+    velocity = platform.state().velocity
+    return math.hypot(velocity.vx, velocity.vy)
+
+
+def moved(platform, since, seconds=1.0):
+    """How far the robot is from `since` after so long, m."""
+    platform.clock.sleep_until(platform.clock.now_ns() + round(seconds * 1e9))
+    pose = platform.state().pose
+    return since.distance_to(pose.x, pose.y)
+
+
+@contextlib.contextmanager
+def by_hand(port):
+    """The far end's process as an engineer starts it; gives the process once it is up."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "adatracker_quadruped.sitl", "--listen", f"tcp/127.0.0.1:{port}"],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert process.stdout.readline().startswith('{"ready"')
+        yield process
+    finally:
+        process.send_signal(signal.SIGCONT)
+        process.kill()
+        process.wait()
+        process.stdout.close()
+
+
+def memory_kb(pid):
+    status = Path(f"/proc/{pid}/status").read_text(encoding="ascii")
+    return next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmRSS"))

@@ -1,0 +1,230 @@
+"""What goes wrong on the robot's side or on the way: the host stops, says why, never resumes by itself."""
+
+import os
+import re
+import signal
+import threading
+import time
+
+import pytest
+
+from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.geometry import Pose
+from adatracker_deploy.platform import ZERO, Twist
+from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_quadruped.connection import Connection
+from adatracker_quadruped.messages import Odometry, encode_odometry
+from adatracker_quadruped.outlet import Outlet
+from adatracker_quadruped.platform import QuadrupedPlatform
+from adatracker_quadruped.sitl_keys import Fault
+from tests.quadruped.rehearsal import (
+    by_hand,
+    connected,
+    far_end,
+    goes_wrong,
+    moved,
+    rehearsed,
+    send_for,
+    speed,
+)
+from tests.quadruped.routers import free_port, robot, until
+
+pytestmark = pytest.mark.slow
+
+WALK = Twist(vx=1.0)
+PATIENCE_S = 2.5
+"""The connection's two seconds, and what this machine adds."""
+
+
+def refused(platform):
+    """The names of the checks that refuse to engage."""
+    return [check.name for check in platform.preflight() if check.blocking and not check.ok]
+
+
+def walks_until_it_fails(platform, match):
+    """Send on until the adapter refuses; return the machine's seconds that took."""
+    begin = time.monotonic()
+    with pytest.raises(PlatformError, match=match):
+        send_for(platform, WALK, 5.0)
+    return time.monotonic() - begin
+
+
+def stays_stopped(platform, why):
+    assert not platform.state().engaged
+    assert why in platform.state().stopped
+    for _ in range(5):
+        with pytest.raises(PlatformError, match=re.escape(why)):
+            platform.send(WALK, platform.clock.now_ns())
+
+
+def walks_again(platform):
+    """An explicit engage is obeyed once the robot is heard again."""
+
+    def engaged():
+        try:
+            platform.engage()
+        except PlatformError:
+            return False
+        return True
+
+    until(engaged, 8.0)
+    send_for(platform, WALK, 1.0)
+    assert speed(platform) > 0.5
+    platform.hold("enough")
+
+
+# At the start
+
+
+def test_nobody_at_the_endpoint_is_said_within_two_seconds():
+    profile = rehearsed(endpoint=f"tcp/127.0.0.1:{free_port()}")
+    begin = time.monotonic()
+    with (
+        QuadrupedPlatform(profile, MonotonicClock()) as platform,
+        pytest.raises(PlatformError, match="no Zenoh router or bridge answers"),
+    ):
+        platform.connect()
+    assert time.monotonic() - begin < PATIENCE_S
+
+
+def test_a_router_without_a_robot_is_said_within_two_seconds():
+    connection = Connection(endpoint=f"tcp/127.0.0.1:{free_port()}")
+    begin = time.monotonic()
+    with (
+        robot(connection),
+        QuadrupedPlatform(rehearsed(endpoint=connection.endpoint), MonotonicClock()) as platform,
+        pytest.raises(PlatformError, match="answers, but no odometry came on odom"),
+    ):
+        platform.connect()
+    assert time.monotonic() - begin < PATIENCE_S
+
+
+def test_a_robot_that_stays_silent_is_said_within_two_seconds():
+    with far_end() as (_, profile):
+        goes_wrong(profile, Fault.SILENT)
+        begin = time.monotonic()
+        with (
+            QuadrupedPlatform(profile, MonotonicClock()) as platform,
+            pytest.raises(PlatformError, match="no odometry"),
+        ):
+            platform.connect()
+        assert time.monotonic() - begin < PATIENCE_S
+
+
+def test_a_robot_that_listens_to_no_command_is_not_engaged():
+    profile = rehearsed(
+        endpoint=f"tcp/127.0.0.1:{free_port()}",
+        imu_topic="",
+        battery_topic="",
+        min_battery=0.0,
+        robot_liveliness="",
+    )
+    with robot(profile.connection) as session, QuadrupedPlatform(profile, MonotonicClock()) as platform:
+        odometry = Outlet(session, "odom", attaches=False)
+
+        def heard():
+            unix_ns = time.time_ns()
+            odometry.put(encode_odometry(Odometry(Pose(), ZERO, unix_ns)), unix_ns)
+            return platform.state().t_ns
+
+        connecting = threading.Thread(target=platform.connect)
+        connecting.start()
+        until(heard)
+        connecting.join()
+        heard()
+        with pytest.raises(PlatformError, match="nobody subscribes to cmd_vel"):
+            platform.engage()
+        assert "command topic" in refused(platform)
+
+
+@pytest.mark.parametrize(("fault", "check"), [(Fault.LOW_BATTERY, "battery"), (Fault.TIPPED_OVER, "upright")])
+def test_the_preflight_refuses_a_robot_that_is_not_fit(fault, check):
+    with far_end() as (_, profile):
+        goes_wrong(profile, fault)
+        with QuadrupedPlatform(profile, MonotonicClock()) as platform:
+            platform.connect()
+            until(lambda: refused(platform) == [check])
+
+
+def test_a_second_host_is_refused_until_the_first_has_left():
+    with far_end() as (_, profile):
+        with connected(profile) as first:
+            with QuadrupedPlatform(profile, MonotonicClock()) as second:
+                second.connect()
+                assert refused(second) == ["only host"]
+                with pytest.raises(PlatformError, match="another host"):
+                    second.engage()
+            first.engage()
+            send_for(first, WALK, 0.5)
+        with connected(profile) as third:
+            third.engage()
+
+
+# On the way
+
+
+def test_a_killed_robot_is_noticed_within_a_fifth_of_a_second():
+    with far_end() as (sitl, profile), connected(profile) as platform:
+        platform.engage()
+        send_for(platform, WALK, 0.5)
+        os.kill(sitl.pid, signal.SIGKILL)
+        took_s = walks_until_it_fails(platform, "the robot is gone")
+        print(f"robot killed: latched after {took_s * 1e3:.0f} ms")
+        assert took_s < 0.2
+        stays_stopped(platform, "the robot is gone")
+
+
+def test_a_frozen_robot_is_noticed_and_a_thawed_one_does_not_walk():
+    with far_end() as (sitl, profile), connected(profile) as platform:
+        platform.engage()
+        send_for(platform, WALK, 1.0)
+        os.kill(sitl.pid, signal.SIGSTOP)
+        took_s = walks_until_it_fails(platform, "no odometry")
+        print(f"robot frozen: latched after {took_s * 1e3:.0f} ms")
+        assert took_s < 0.3 + 0.1
+        platform.hold("frozen")
+        platform.clock.sleep_until(platform.clock.now_ns() + 2_500_000_000)  # longer than the lease
+        frozen_at, frozen_t_ns = platform.state().pose, platform.state().t_ns
+        os.kill(sitl.pid, signal.SIGCONT)
+        until(lambda: platform.state().t_ns > frozen_t_ns, 5.0)
+        rolled_m = moved(platform, frozen_at, 1.5)
+        print(f"robot thawed: went {rolled_m:.2f} m more")
+        assert rolled_m < 0.35  # what it takes to stop from 1 m/s
+        assert speed(platform) < 0.01
+        stays_stopped(platform, "no odometry")
+        walks_again(platform)
+
+
+def test_a_router_that_is_gone_and_comes_back_resumes_nothing():
+    port = free_port()
+    profile = rehearsed(endpoint=f"tcp/127.0.0.1:{port}")
+    with by_hand(port) as process:
+        platform = QuadrupedPlatform(profile, MonotonicClock())
+        platform.connect()
+        platform.engage()
+        send_for(platform, WALK, 0.5)
+        process.kill()
+        process.wait()
+        took_s = walks_until_it_fails(platform, "the robot is gone|no odometry")
+        print(f"router gone: latched after {took_s * 1e3:.0f} ms")
+        assert took_s < 0.2
+        gone_t_ns, why = platform.state().t_ns, platform.state().stopped
+    with by_hand(port), platform:
+        until(lambda: platform.state().t_ns > gone_t_ns, 8.0)
+        assert moved(platform, platform.state().pose) < 0.01
+        stays_stopped(platform, why)
+        walks_again(platform)
+
+
+@pytest.mark.parametrize("fault", [Fault.SILENT, Fault.FROZEN_ODOMETRY])
+def test_a_robot_that_tells_nothing_new_is_stopped(fault):
+    with far_end() as (_, profile), connected(profile) as platform:
+        platform.engage()
+        send_for(platform, WALK, 0.5)
+        goes_wrong(profile, fault)
+        took_s = walks_until_it_fails(platform, "no odometry")
+        print(f"{fault}: latched after {took_s * 1e3:.0f} ms")
+        assert took_s < 0.3 + 0.2  # the odometry's time-out, and the word's way to the robot
+        goes_wrong(profile, Fault.NONE)
+        stays_stopped(platform, "no odometry")
+        walks_again(platform)
