@@ -85,7 +85,7 @@ class Backbone(nn.Module):
     def sequences(self, masks: Tensor) -> Tensor:
         """Return the features (B, T, features) of masks (B, T, C, S, S)."""
         features: Tensor = self(masks.flatten(0, 1))
-        return features.unflatten(0, masks.shape[:2])
+        return features.reshape(*masks.shape[:2], -1)
 
 
 class ContextEncoder(nn.Module):

@@ -1,7 +1,7 @@
 """Policy bundles on disk: a folder that is what its manifest says to the byte, or is refused.
 
     manifest.yaml   what the policy is; its first line seals the rest
-    policy.onnx     (mask, z, h, c) -> (action, h_next, c_next)
+    policy.onnx     (mask, z, h, c) -> (action, h_next, c_next); last_action among the inputs where it is used
     encoder.onnx    mask-action pairs -> z; not there where the interface is `none`
     golden.npz      inputs from a reset on, and the answers to them
 

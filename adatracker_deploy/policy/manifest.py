@@ -1,7 +1,8 @@
 """What a policy bundle says of itself, and what its networks must look like. Data only: no files, no ONNX.
 
 The runtime answers tick t with `policy(mask_t, z_t)`, where z_t comes from the K mask-action pairs of the
-ticks t-K to t-1. A pair from before the episode is blank: a mask and an action of zeros.
+ticks t-K to t-1. A pair from before the episode is blank: a mask and an action of zeros. A policy whose graph
+lists an input `last_action` is handed its own answer of tick t-1 as well, zeros at the first tick.
 """
 
 from __future__ import annotations
@@ -110,6 +111,7 @@ def graph_specs(
     context: int = 0,
     history: int = 0,
     features: int = 0,
+    last_action: bool = False,
 ) -> tuple[GraphSpec | None, GraphSpec]:
     """Return what the encoder (None where there is none) and the policy must take and give.
 
@@ -121,11 +123,13 @@ def graph_specs(
         context: size of z, Z.
         history: pairs remembered, K.
         features: numbers kept of one pair by a streaming encoder, F.
+        last_action: the policy is handed its last answer.
     """
     picture = (mask.channels, mask.size, mask.size)
     state, z = (1, 1, hidden), () if interface == "none" else (_tensor("z", 1, context),)
+    last = (_tensor("last_action", 1, actions),) if last_action else ()
     policy = GraphSpec(
-        inputs=(_tensor("mask", 1, *picture), *z, _tensor("h", *state), _tensor("c", *state)),
+        inputs=(_tensor("mask", 1, *picture), *z, *last, _tensor("h", *state), _tensor("c", *state)),
         outputs=(_tensor("action", 1, actions), _tensor("h_next", *state), _tensor("c_next", *state)),
     )
     if interface == "none":
@@ -171,6 +175,7 @@ def check_manifest(manifest: Manifest, *, where: str) -> None:
         context=manifest.context,
         history=manifest.history,
         features=_last_dimension(manifest.encoder, "history"),
+        last_action=_last_dimension(manifest.policy, "last_action") > 0,
     )
     _check_graph(manifest.encoder, encoder, f"{where}: encoder")
     _check_graph(manifest.policy, policy, f"{where}: policy")

@@ -81,6 +81,8 @@ class OnnxPolicy:
             inputs["z"] = self._encoder.context()
             context = inputs["z"][0]
         action, inputs["h"], inputs["c"] = self._policy.run("action", "h_next", "c_next")
+        if "last_action" in inputs:
+            inputs["last_action"] = action
         if self._encoder is not None:
             self._encoder.remember(inputs["mask"], action)
         return action[0], context

@@ -17,6 +17,12 @@ from adatracker_deploy.learning.networks import (
 from adatracker_deploy.policy.base import ActionAxis
 
 CONFIG = AdaTrackerConfig(size=32, history=5, features=12, context=4, encoder_hidden=10, hidden=8, actor=16)
+VARIANTS = {
+    "last action": replace(CONFIG, last_action=True),
+    "no encoder": replace(CONFIG, history=0, context=0),
+    "no encoder, last action": replace(CONFIG, history=0, context=0, last_action=True),
+    "no lstm": replace(CONFIG, lstm=False),
+}
 META = CheckpointMeta(
     name="fresh",
     mask=replace(ADATRACKER_MASK, size=CONFIG.size, draw_size=80),
@@ -33,16 +39,20 @@ def _loud(module: torch.nn.Module) -> None:
             weight.mul_(2.0)
 
 
-def adatracker(seed: int = 0) -> AdaTracker:
+def adatracker(seed: int = 0, config: AdaTrackerConfig = CONFIG) -> AdaTracker:
     torch.manual_seed(seed)
-    encoder, policy = ContextEncoder(CONFIG).eval(), ContextPolicy(CONFIG).eval()
-    _loud(encoder)
+    encoder = ContextEncoder(config).eval() if config.context else None
+    policy = ContextPolicy(config).eval()
+    if encoder is not None:
+        _loud(encoder)
     _loud(policy)
     return AdaTracker(encoder, policy, META)
 
 
-def save_adatracker(path: Path, seed: int = 0, meta: CheckpointMeta = META) -> Path:
-    checkpoint = adatracker(seed)
+def save_adatracker(
+    path: Path, seed: int = 0, meta: CheckpointMeta = META, config: AdaTrackerConfig = CONFIG
+) -> Path:
+    checkpoint = adatracker(seed, config)
     save_checkpoint(path, checkpoint.encoder, checkpoint.policy, meta)
     return path
 

@@ -54,6 +54,20 @@ def test_what_was_saved_comes_back(tmp_path):
             assert torch.equal(network.state_dict()[key], weight), key
 
 
+@pytest.mark.parametrize("variant", fresh.VARIANTS)
+def test_a_variant_comes_back_with_its_parts(tmp_path, variant):
+    config = fresh.VARIANTS[variant]
+    loaded = load_checkpoint(fresh.save_adatracker(tmp_path / "a.pt", config=config))
+    assert loaded.policy.config == config
+    assert (loaded.encoder is None) is (config.context == 0)
+
+
+def test_an_encoder_without_a_history_is_refused(tmp_path):
+    path = saved(tmp_path / "half.pt", lambda c: c["config"].update(history=0))
+    with pytest.raises(UsageError, match="history 0 and context 4"):
+        load_checkpoint(path)
+
+
 def test_offline_evt_is_known_by_its_keys_and_its_critics_are_left(tmp_path):
     loaded = load_checkpoint(fresh.save_offline_evt(tmp_path / "evt.pth"))
     assert isinstance(loaded, OfflineEvt)

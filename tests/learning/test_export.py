@@ -56,6 +56,41 @@ def test_onnxruntime_answers_as_torch_on_masks_that_were_not_exported(bundle):
     np.testing.assert_allclose(contexts, wanted["z"], atol=1e-5)
 
 
+@pytest.mark.parametrize("variant", fresh.VARIANTS)
+def test_every_variant_answers_as_in_torch_and_its_golden_vectors_hold(tmp_path, variant):
+    config = fresh.VARIANTS[variant]
+    path = fresh.save_adatracker(tmp_path / "a.pt", config=config)
+    manifest = export_checkpoint(path, tmp_path / "b")
+    assert (manifest.interface, manifest.context) == (
+        "streaming" if config.context else "none",
+        config.context,
+    )
+    assert ("last_action" in [tensor.name for tensor in manifest.policy.inputs]) is config.last_action
+    policy, masks = OnnxPolicy(load_bundle(tmp_path / "b")), walking_masks(fresh.META.mask, TICKS, seed=1)
+    wanted = rollout(fresh.adatracker(config=config), masks)
+    for _ in range(2):  # a reset forgets the last action as well
+        policy.reset()
+        actions = np.array([policy.step(mask)[0] for mask in masks])
+        np.testing.assert_allclose(actions, wanted["action"], atol=1e-5)
+
+
+def test_a_last_action_changes_the_next(tmp_path):
+    masks = walking_masks(fresh.META.mask, 2, seed=1)
+    checkpoint = fresh.adatracker(config=fresh.VARIANTS["no encoder, last action"])
+    state = None
+    with torch.no_grad():
+        seen = torch.from_numpy(masks)[None]
+        _, _, state = checkpoint.policy(seen[:, :1], None, state, torch.zeros(1, 1, 2))
+        blind, _, _ = checkpoint.policy(seen[:, 1:], None, state, torch.zeros(1, 1, 2))
+    assert not np.allclose(rollout(checkpoint, masks)["action"][1], torch.tanh(blind[0, 0]), atol=1e-3)
+
+
+def test_an_interface_for_an_encoder_that_is_not_there_is_refused(tmp_path):
+    path = fresh.save_adatracker(tmp_path / "a.pt", config=fresh.VARIANTS["no encoder"])
+    with pytest.raises(UsageError, match="has no context encoder"):
+        export_checkpoint(path, tmp_path / "b", interface="window")
+
+
 def test_the_golden_vectors_move_every_number_far_beyond_their_tolerance(bundle):
     for name in ("action", "z"):
         assert (np.ptp(bundle.golden[name], axis=0) > 1e-2).all(), name
