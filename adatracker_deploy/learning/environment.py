@@ -55,7 +55,7 @@ class TrackingEnv(gymnasium.Env[Observed, NDArray[np.float32]]):
         UsageError: no such condition or recipe.
     """
 
-    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012 -- as Gymnasium has it
 
     def __init__(
         self,

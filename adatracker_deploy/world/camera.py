@@ -57,7 +57,8 @@ class Camera:
         rays = _rays(pose, fov_rad, height, width)
         hits = self._stage.solids(rays)
         # Ground and walls are background: they matter only where they hide something.
-        self._stage.surfaces(rays, hits, np.flatnonzero(hits.primitive >= 0))
+        if not self._all_is_before_surfaces(pose):
+            self._stage.surfaces(rays, hits, np.flatnonzero(hits.primitive >= 0))
         return self._stage.class_of[hits.primitive].reshape(height, width)
 
     def image(
@@ -82,6 +83,12 @@ class Camera:
         )
         rgb = paint(self._scene, rays.ways[2], seen, surfaces)
         return self._stage.class_of[hits.primitive].reshape(height, width), rgb.reshape(height, width, 3)
+
+    def _all_is_before_surfaces(self, eye: Pose) -> bool:
+        """Tell whether no ground or wall can hide anything: the eye and all solids are in a level arena."""
+        scene = self._scene
+        within = abs(eye.x) < scene.half_x_m and abs(eye.y) < scene.half_y_m and eye.z > 0.0
+        return within and scene.terrain.is_flat and not scene.surroundings
 
     def _sunlight(self, point: Array, normal: Array) -> Array:
         """Return the cosine of the sun's incidence, 0 where a solid shades the place, shape (N,)."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -101,10 +102,10 @@ class Stage:
             np.full(count, np.inf),
             np.zeros((count, 3)) if normals else None,
         )
-        for caster, first, near in zip(self._solids, self._first, self._near(rays), strict=False):
-            chosen = np.flatnonzero(near)
-            if chosen.size:
-                self._merge(hits, caster, first, rays, chosen)
+        if count:
+            for solid, near in self._near(rays):
+                chosen = np.flatnonzero(near)
+                self._merge(hits, self._solids[solid], self._first[solid], rays, chosen)
         return hits
 
     def surfaces(self, rays: Rays, hits: Hits, chosen: NDArray[np.intp]) -> None:
@@ -123,20 +124,25 @@ class Stage:
         if hits.normal is not None and normal is not None:
             hits.normal[where] = normal[nearer]
 
-    def _near(self, rays: Rays) -> NDArray[np.bool_]:
-        """Tell which solids (S, N) each ray may meet, true when in doubt.
+    def _near(self, rays: Rays) -> Iterator[tuple[int, NDArray[np.bool_]]]:
+        """Yield each solid that some ray may meet, and which of the N rays that are; true when in doubt.
 
-        Each is inside a ball; a ray can meet it only within the cone around that ball.
+        Each is inside a ball; a ray can meet it only within the cone around that ball. Solids whose cone is
+        apart from the cone around all rays are passed over at once.
         """
         to_ball = self._ball_centres - rays.origin
-        distance = np.maximum(np.linalg.norm(to_ball, axis=1), 1e-9)
+        distance = np.maximum(np.sqrt(np.einsum("sj,sj->s", to_ball, to_ball)), 1e-9)
         sine = np.minimum(self._ball_radii / distance, 1.0)
+        axes = to_ball / distance[:, None]
+        middle = rays.ways.mean(axis=1)
+        middle /= max(float(np.sqrt(middle @ middle)), 1e-9)
+        spread = math.acos(max(-1.0, min(1.0, float(np.einsum("j,jn->n", middle, rays.ways).min()))))
+        apart = np.arccos(np.clip(np.einsum("sj,j->s", axes, middle), -1.0, 1.0))
+        met = np.flatnonzero((apart <= spread + np.arcsin(sine) + 1e-3) | (sine >= 1.0))
         # In single precision, hence a little wider; from inside a ball every ray may meet its solid.
         least = np.where(sine < 1.0, np.sqrt(1.0 - sine**2) - 1e-4, -2.0).astype(np.float32)
-        axes = (to_ball / distance[:, None]).astype(np.float32)
-        cosine = np.einsum("sj,jn->sn", axes, rays.ways.astype(np.float32))
-        near: NDArray[np.bool_] = cosine >= least[:, None]
-        return near
+        cosine = np.einsum("sj,jn->sn", axes[met].astype(np.float32), rays.ways.astype(np.float32))
+        return zip(met.tolist(), cosine >= least[met, None], strict=True)
 
 
 def _standing(thing: Thing, scene: Scene) -> Caster:

@@ -148,7 +148,8 @@ def test_no_ray_that_meets_something_is_left_out(name, monkeypatch):
     world = World(name, seed=2, others=2)
     views = [world.start @ Pose(z=1.0, yaw=turn) for turn in (0.0, 1.5, 3.0)]
     culled = [world.render_mask(view, 2.0, 48, 48) for view in views]
-    monkeypatch.setattr(Stage, "_near", lambda self, rays: np.ones((len(self._solids), len(rays)), bool))
+    everything = lambda self, rays: enumerate(np.ones((len(self._solids), len(rays)), bool))  # noqa: E731
+    monkeypatch.setattr(Stage, "_near", everything)
     for view, mask in zip(views, culled, strict=True):
         assert np.array_equal(mask, world.render_mask(view, 2.0, 48, 48))
 
