@@ -12,9 +12,11 @@ from adatracker_deploy.platform import Scenario, Sitl
 from adatracker_deploy.profile import load_profile
 from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_wheeled.bus import Bus
+from adatracker_wheeled.codec import Codec
 from adatracker_wheeled.far_end import FarEnd
 from adatracker_wheeled.injection import injection
 from adatracker_wheeled.platform import WheeledPlatform
+from adatracker_wheeled.protocol import CanFrame, Malformed
 
 _numbers = itertools.count()
 
@@ -57,9 +59,10 @@ class InProcess(Sitl):
 
 
 class Tap:
-    """Somebody else on a virtual bus, who writes down what the adapter sends."""
+    """Somebody else on a virtual bus, who hears what the adapter and the base say."""
 
     def __init__(self, profile):
+        self.codec = Codec(profile.connection.roles)
         self._bus = can.Bus(interface="virtual", channel=profile.connection.channel)
 
     def frames(self):
@@ -68,18 +71,33 @@ class Tap:
 
     def commands(self):
         """What the adapter has sent since the last call, as (id, data)."""
-        return [(m.arbitration_id, bytes(m.data)) for m in self.frames() if m.arbitration_id in COMMANDS]
+        return [(m.arbitration_id, bytes(m.data)) for m in self.frames() if self.is_demand(m)]
 
-    def send(self, number, data, *, extended=False):
-        self._bus.send(can.Message(arbitration_id=number, data=data, is_extended_id=extended))
+    def commands_until_quiet(self, quiet_s=0.1):
+        """Listen until the adapter has said nothing for a while; return what it said."""
+        said, heard_s = [], time.monotonic()
+        while time.monotonic() - heard_s < quiet_s:
+            if new := self.commands():
+                said, heard_s = said + new, time.monotonic()
+            threading.Event().wait(0.005)
+        return said
+
+    def is_demand(self, message):
+        """Tell whether a frame asks something of the base."""
+        with contextlib.suppress(Malformed):
+            frame = CanFrame(message.arbitration_id, bytes(message.data), message.is_extended_id)
+            return self.codec.parse_command(frame) is not None
+        return False
+
+    def send(self, number, data):
+        self._bus.send(can.Message(arbitration_id=number, data=data, is_extended_id=False))
 
     def close(self):
         self._bus.shutdown()
 
 
-COMMANDS = {0x111, 0x421, 0x441, 0x131}
-"""Of AgileX's protocol v2, towards the base."""
 STANDBY, COMMAND_MODE, STILL = (0x421, b"\x00"), (0x421, b"\x01"), (0x111, bytes(8))
+"""Of AgileX's protocol v2."""
 
 
 @contextlib.contextmanager

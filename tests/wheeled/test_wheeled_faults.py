@@ -1,0 +1,462 @@
+"""The adapter on a base that fails, is taken over or is lied about: it stops, says why, and stays stopped."""
+
+import contextlib
+import dataclasses
+import math
+import random
+import resource
+import threading
+import time
+
+import can
+import pytest
+from wheeled_rig import (
+    COMMAND_MODE,
+    STANDBY,
+    STILL,
+    InProcess,
+    Tap,
+    base_profile,
+    drive,
+    send_for,
+    until,
+)
+
+from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.platform import Scenario, Twist
+from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_wheeled.far_end import FarEnd
+from adatracker_wheeled.platform import WheeledPlatform
+from adatracker_wheeled.socketcand import SocketcandServer
+
+AHEAD = Twist(vx=0.5)
+BRAKE_RELEASE = (0x131, b"\x00")
+
+
+@contextlib.contextmanager
+def tapped(profile=None):
+    """A connected adapter, its base, and somebody who listens."""
+    profile = profile or base_profile()
+    with contextlib.closing(Tap(profile)) as tap, drive(profile) as (platform, far_end):
+        yield platform, far_end, tap
+
+
+def keep_sending(platform, within_s=3.0):
+    """Send until it is refused; return why and after how long."""
+    begun_s = time.monotonic()
+    with pytest.raises(PlatformError) as refused:
+        send_for(platform, AHEAD, within_s)
+    return str(refused.value), time.monotonic() - begun_s
+
+
+# What goes out
+
+
+def test_engaging_says_zero_then_command_mode_and_clears_no_error():
+    with tapped() as (platform, _, tap):
+        platform.preflight()
+        assert tap.commands() == []
+        platform.engage()
+        said = tap.commands()
+        assert said[:3] == [STILL] * 3
+        assert said.count(COMMAND_MODE) == 1
+        assert set(said) == {STILL, COMMAND_MODE}
+
+
+def test_disengaging_says_zero_three_times_then_standby_then_nothing():
+    with tapped() as (platform, _, tap):
+        platform.engage()
+        send_for(platform, AHEAD, 0.3)
+        platform.disengage()
+        assert tap.commands()[-4:] == [STILL, STILL, STILL, STANDBY]
+        platform.disengage()
+        platform.close()
+        assert tap.commands() == []
+
+
+def test_closing_an_engaged_base_disables_it():
+    with tapped() as (platform, _, tap):
+        platform.engage()
+        send_for(platform, AHEAD, 0.3)
+        platform.close()
+        assert tap.commands()[-4:] == [STILL, STILL, STILL, STANDBY]
+
+
+def test_holding_says_zero_three_times_20_ms_apart_and_keeps_the_base_enabled():
+    with tapped() as (platform, far_end, tap):
+        platform.engage()
+        send_for(platform, AHEAD, 0.3)
+        tap.commands()
+        platform.hold("the test says so")
+        frames = [frame for frame in tap.frames() if frame.arbitration_id == 0x111]
+        assert [bytes(frame.data) for frame in frames[-3:]] == [bytes(8)] * 3
+        first, second, third = (frame.timestamp for frame in frames[-3:])
+        assert second - first > 0.015
+        assert third - second > 0.015
+        assert far_end.far_end.base.mode == "ours"
+
+
+def test_a_hunters_brake_is_released_after_it_is_enabled_and_it_drives_a_curve():
+    with tapped(base_profile("hunter")) as (platform, far_end, tap):
+        platform.engage()
+        said = tap.commands()
+        assert said.index(COMMAND_MODE) < said.index(BRAKE_RELEASE)
+        sent = platform.send(Twist(vx=0.5, yaw_rate=0.2), platform.clock.now_ns())
+        assert sent.vx == 0.5
+        assert sent.yaw_rate == pytest.approx(0.2, rel=0.02)
+        send_for(platform, Twist(vx=0.5, yaw_rate=0.2), 2.0)
+        assert platform.state().velocity.yaw_rate == pytest.approx(0.2, rel=0.05)
+        sharp = platform.send(Twist(vx=0.5, yaw_rate=1.5), platform.clock.now_ns())
+        assert 0.2 < sharp.yaw_rate < 1.0
+        assert far_end.far_end.body.pose.yaw > 0.2
+
+
+def test_no_byte_of_a_command_that_is_not_finite_reaches_the_wire():
+    with tapped() as (platform, _, tap):
+        platform.engage()
+        tap.commands()
+        for axis in ("vx", "vy", "vz", "yaw_rate"):
+            for value in (math.nan, math.inf, -math.inf):
+                with pytest.raises(PlatformError, match="not finite"):
+                    platform.send(Twist(**{axis: value}), platform.clock.now_ns())
+        assert set(tap.commands_until_quiet()) <= {STILL}
+
+
+# Somebody else drives
+
+
+def test_a_remote_control_has_the_base_for_good():
+    with tapped() as (platform, far_end, tap):
+        platform.engage()
+        send_for(platform, AHEAD, 0.5)
+        far_end.inject("remote")
+        took_s = until(lambda: platform.state().stopped)
+        print(f"takeover noticed after {took_s * 1e3:.0f} ms")
+        assert took_s < 0.2
+        assert platform.state().taken_over
+        assert "remote control" in platform.state().stopped
+        tap.frames()
+        with pytest.raises(PlatformError, match="remote control"):
+            platform.send(AHEAD, platform.clock.now_ns())
+        platform.hold("too late")
+        platform.disengage()
+        with pytest.raises(PlatformError, match="remote control"):
+            platform.engage()
+        platform.disengage()
+        far_end.inject("remote", begin=False)
+        until(lambda: platform.state().mode == "standby")
+        platform.hold("still not ours")
+        assert tap.commands() == []
+        platform.engage()
+        assert not platform.state().stopped
+        assert not platform.state().taken_over
+        send_for(platform, AHEAD, 0.5)
+        assert platform.state().velocity.vx > 0.2
+
+
+def test_closing_leaves_a_base_alone_that_was_taken_over():
+    with tapped() as (platform, far_end, tap):
+        platform.engage()
+        send_for(platform, AHEAD, 0.3)
+        far_end.inject("remote")
+        until(lambda: platform.state().stopped)
+        tap.frames()
+        platform.close()
+        assert tap.commands() == []
+
+
+def test_a_base_that_somebody_else_disables_is_let_go():
+    with tapped() as (platform, _, tap):
+        platform.engage()
+        send_for(platform, AHEAD, 0.3)
+        tap.send(*STANDBY)
+        until(lambda: platform.state().stopped)
+        assert "standby" in platform.state().stopped
+        assert platform.state().taken_over
+        tap.frames()
+        platform.disengage()
+        assert tap.commands() == []
+
+
+# The base fails
+
+FAILURES = {
+    "emergency_stop": ("emergency stop is pressed", 0.25),
+    "fault": ("battery under-voltage", 0.25),
+    "frozen_feedback": ("no measured motion", 0.35),
+    "frozen_state": ("no new state", 0.75),
+    "silence": ("no measured motion", 0.35),
+}
+"""What is said, and within how many seconds: the message's period or time-out, and slack."""
+
+
+@pytest.mark.parametrize("fault", FAILURES)
+def test_a_failing_base_is_stopped_and_stays_so_until_an_explicit_engage(fault):
+    said, within_s = FAILURES[fault]
+    with tapped() as (platform, far_end, tap):
+        platform.engage()
+        send_for(platform, AHEAD, 0.5)
+        far_end.inject(fault)
+        why, took_s = keep_sending(platform)
+        print(f"{fault}: stopped after {took_s * 1e3:.0f} ms")
+        assert said in why
+        assert said in platform.state().stopped
+        assert took_s < within_s
+        assert tap.commands_until_quiet()[-3:] == [STILL] * 3
+        until(lambda: abs(far_end.far_end.body.measured.vx) < 0.02)
+        far_end.inject(fault, begin=False)
+        platform.clock.sleep_until(platform.clock.now_ns() + 300_000_000)
+        with pytest.raises(PlatformError, match=said):
+            platform.send(AHEAD, platform.clock.now_ns())
+        assert tap.commands() == []
+        platform.engage()
+        send_for(platform, AHEAD, 0.5)
+        assert far_end.far_end.body.measured.vx > 0.2
+
+
+@pytest.mark.parametrize("fault", FAILURES)
+def test_a_failure_is_noticed_also_while_nobody_sends(fault):
+    with drive() as (platform, far_end):
+        platform.engage()
+        far_end.inject(fault)
+        until(lambda: platform.state().stopped, within_s=1.5)
+        assert not platform.state().engaged
+
+
+@pytest.mark.parametrize(
+    ("fault", "check"),
+    [
+        ("emergency_stop", "emergency stop"),
+        ("fault", "faults"),
+        ("remote", "remote control"),
+        ("frozen_feedback", "feedback"),
+        ("low_battery", "battery"),
+    ],
+)
+def test_the_preflight_refuses_an_unfit_base_and_names_what_is_wrong(fault, check):
+    with drive(base_profile(faults=(fault,))) as (platform, _):
+        assert [found.name for found in platform.preflight() if not found.ok] == [check]
+
+
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
+        ("emergency_stop", "emergency stop is pressed"),
+        ("fault", "battery under-voltage"),
+        ("remote", "remote control"),
+        ("frozen_feedback", "did not obey within 1 s: no measured motion"),
+        ("frozen_state", "no new state|did not obey"),
+    ],
+)
+def test_an_unfit_base_is_not_engaged(fault, said):
+    with tapped() as (platform, far_end, tap):
+        far_end.inject(fault)
+        platform.clock.sleep_until(platform.clock.now_ns() + 250_000_000)
+        begun_s = time.monotonic()
+        with pytest.raises(PlatformError, match=said):
+            platform.engage()
+        assert time.monotonic() - begun_s < 1.8
+        assert not platform.state().engaged
+        assert {data for number, data in tap.commands() if number == 0x111} <= {bytes(8)}
+
+
+def test_a_silent_base_is_said_within_the_second():
+    begun_s = time.monotonic()
+    with (
+        pytest.raises(PlatformError, match="no state from the base within 1 s: no frame came at all"),
+        drive(base_profile(faults=("silence",))),
+    ):
+        pass
+    assert time.monotonic() - begun_s < 2.0
+
+
+@pytest.mark.parametrize(
+    ("spoken", "expected", "hint"),
+    [
+        ("scout_v1", "scout", "v1 profile, such as scout_v1"),
+        ("scout", "scout_v1", "v2 profile, such as scout"),
+    ],
+)
+def test_a_base_of_the_other_protocol_is_recognised(spoken, expected, hint):
+    far, near = base_profile(spoken, channel="other"), base_profile(expected, channel="other")
+    clock = MonotonicClock()
+    with InProcess(far) as sitl, WheeledPlatform(near, clock) as platform:
+        sitl.start(clock, Scenario())
+        with pytest.raises(PlatformError, match=hint):
+            platform.connect()
+
+
+def test_limits_that_the_wire_cannot_say_are_refused():
+    profile = base_profile("scout_v1")
+    wide = dataclasses.replace(profile, limits=dataclasses.replace(profile.limits, forward_m_s=30.0))
+    with pytest.raises(UsageError, match="lower them"):
+        WheeledPlatform(wide, MonotonicClock()).connect()
+
+
+# Whoever sends fails
+
+
+def test_a_sender_that_hangs_is_followed_by_zeros_then_silence_and_not_set_going_again():
+    with tapped() as (platform, far_end, tap):
+        platform.engage()
+        send_for(platform, AHEAD, 1.0)
+        hung_s = time.monotonic()
+        said = tap.commands_until_quiet()
+        silent_s = time.monotonic() - hung_s - 0.1
+        assert said[-3:] == [STILL] * 3
+        print(f"a hung sender: zeros, then silence after {silent_s:.2f} s")
+        assert silent_s < 0.4
+        until(lambda: far_end.far_end.body.measured.vx < 0.02)
+        print(f"a hung sender: at rest after {time.monotonic() - hung_s:.2f} s")
+        platform.clock.sleep_until(platform.clock.now_ns() + 300_000_000)
+        tap.frames()
+        with pytest.raises(PlatformError, match="the base has stopped by itself"):
+            platform.send(AHEAD, platform.clock.now_ns())
+        until(lambda: not platform.state().engaged)
+
+
+def test_a_short_hiccup_of_the_sender_is_forgiven():
+    with drive() as (platform, _):
+        platform.engage()
+        send_for(platform, AHEAD, 0.3)
+        platform.clock.sleep_until(platform.clock.now_ns() + 300_000_000)
+        send_for(platform, AHEAD, 0.5)
+        assert platform.state().velocity.vx > 0.3
+
+
+def test_stops_from_many_threads_end_in_one_stop():
+    with tapped() as (platform, _, tap):
+        platform.engage()
+        send_for(platform, AHEAD, 0.3)
+
+        def disengage():
+            with contextlib.suppress(PlatformError):  # "the connection is being closed"
+                platform.disengage()
+
+        stops = (lambda: platform.hold("one"), disengage, platform.close, lambda: platform.hold("two"))
+        threads = [threading.Thread(target=stop) for stop in stops * 3]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join(10.0)
+        assert not any(thread.is_alive() for thread in threads)
+        assert tap.commands()[-1] in (STANDBY, STILL)
+        assert not platform.state().engaged
+
+
+# The wire fails
+
+
+class OverSocketcand:
+    """A far end behind a socketcand in this process, which can be switched off and on."""
+
+    def __init__(self, profile, clock):
+        self._far_end = FarEnd(profile.connection.roles, profile.sitl, Scenario(), clock)
+        self._ended = threading.Event()
+        self.server = SocketcandServer(0, self._far_end.hear)
+        self.port = self.server.port
+        self.profile = dataclasses.replace(
+            profile,
+            connection=dataclasses.replace(
+                profile.connection, interface="socketcand", channel="can0", port=self.port
+            ),
+        )
+        self._thread = threading.Thread(target=self._far_end.serve, args=(self._send, self._ended))
+        self._thread.start()
+
+    @property
+    def body(self):
+        return self._far_end.body
+
+    def _send(self, frame):
+        self.server.send(frame)
+
+    def unplug(self):
+        self.server.close()
+
+    def plug_in(self):
+        self.server = SocketcandServer(self.port, self._far_end.hear)
+
+    def close(self):
+        self._ended.set()
+        self._thread.join()
+        self.server.close()
+
+
+def test_a_cable_that_is_pulled_stops_the_run_and_replugged_needs_an_explicit_engage():
+    clock = MonotonicClock()
+    with (
+        contextlib.closing(OverSocketcand(base_profile(), clock)) as far_end,
+        WheeledPlatform(far_end.profile, clock) as platform,
+    ):
+        platform.connect()
+        platform.engage()
+        send_for(platform, AHEAD, 1.0)
+        far_end.unplug()
+        why, took_s = keep_sending(platform)
+        rest_s = took_s + until(lambda: far_end.body.measured.vx < 0.02)
+        print(f"cable pulled at 0.5 m/s: latched after {took_s * 1e3:.0f} ms, at rest after {rest_s:.2f} s")
+        assert "lost" in why
+        assert took_s < 0.2
+        assert rest_s < 1.1
+        with pytest.raises(PlatformError, match="no socketcand answers"):
+            platform.engage()
+        far_end.plug_in()
+        platform.clock.sleep_until(platform.clock.now_ns() + 300_000_000)
+        with pytest.raises(PlatformError, match="not engaged"):
+            platform.send(AHEAD, clock.now_ns())
+        assert far_end.body.measured.vx < 0.02
+        platform.engage()
+        send_for(platform, AHEAD, 0.5)
+        assert far_end.body.measured.vx > 0.2
+        platform.disengage()
+
+
+def test_a_lost_bus_makes_disengage_say_so_once_and_close_still_works():
+    clock = MonotonicClock()
+    with (
+        contextlib.closing(OverSocketcand(base_profile(), clock)) as far_end,
+        WheeledPlatform(far_end.profile, clock) as platform,
+    ):
+        platform.connect()
+        platform.engage()
+        send_for(platform, AHEAD, 0.3)
+        far_end.unplug()
+        until(lambda: platform.state().stopped)
+        with pytest.raises(PlatformError, match="is lost"):
+            platform.disengage()
+        platform.disengage()
+
+
+# Hostile frames
+
+
+@pytest.mark.parametrize("name", ["scout", "odrive_diff"])
+def test_a_hundred_thousand_hostile_frames_move_nothing_and_fill_nothing(name):
+    profile, noise = base_profile(name), random.Random(3)
+    with tapped(profile) as (platform, far_end, tap):
+        known = [frame.arbitration_id for frame in until_heard(tap)]
+        before_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        for count in range(100_000):
+            number = noise.choice(known) if count % 2 else noise.randrange(1 << 11)
+            message = can.Message(
+                arbitration_id=number, data=noise.randbytes(noise.randrange(9)), is_extended_id=False
+            )
+            if not tap.is_demand(message):  # whoever may command a base could rightly move it
+                tap.send(number, bytes(message.data))
+            if count % 1000 == 0:  # the base's own frames come through all the same
+                asked_ns = platform.clock.now_ns()
+                until(lambda asked_ns=asked_ns: platform.state().t_ns > asked_ns)
+                assert tap.commands() == []
+        assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before_kb < 20_000
+        assert far_end.far_end.body.wheels_m == (0.0, 0.0)
+        assert not platform.state().engaged
+        (frames,) = [check for check in platform.preflight() if check.name == "frames"]
+        assert "malformed frames were dropped" in frames.message
+
+
+def until_heard(tap):
+    """Return the frames of the base's first second."""
+    frames = []
+    until(lambda: frames.extend(tap.frames()) or len({f.arbitration_id for f in frames}) >= 4)
+    return frames
