@@ -68,7 +68,7 @@ class FileCamera:
         if self._every_frame:
             due, t_ns = (self._newest.seq + 1 if self._newest else 1), now_ns
         else:
-            index = max(0, now_ns - self._began_ns) // self._period_ns
+            index = (now_ns - self._began_ns) // self._period_ns
             due, t_ns = index + 1, self._began_ns + index * self._period_ns
         if self._newest is None or due > self._newest.seq:
             self._newest = self._frame(self._capture, due, t_ns)

@@ -47,7 +47,7 @@ def decode_jpeg(data: bytes) -> NDArray[np.uint8]:
         ValueError: this is no whole JPEG, or not of a size that `check_size` lets through.
     """
     check_size(*jpeg_size(data))
-    # A part that was cut short would decode to a picture with a grey end. Some encoders pad behind the end.
+    # OpenCV 4 makes a picture with a grey end of one that was cut short. Some encoders pad behind the end.
     if _END not in data[-64:]:
         raise ValueError("not a whole JPEG: its end is missing")
     bgr = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)

@@ -12,7 +12,6 @@ import contextlib
 import socket
 import sys
 import threading
-from functools import cached_property
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import TYPE_CHECKING, Any
@@ -95,27 +94,30 @@ class _Shot:
     def __init__(self, frame: Frame) -> None:
         self._frame = frame
         self._encoding = threading.Lock()
+        self._part: bytes | None = None
 
     def part(self) -> bytes:
         """Return the part with its boundary; encoded once, whoever asks."""
         with self._encoding:
+            if self._part is None:
+                self._part = _encode(self._frame)
             return self._part
 
-    @cached_property
-    def _part(self) -> bytes:
-        frame = self._frame
-        bgr = cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2BGR)
-        _, jpeg = cv2.imencode(".jpg", bgr, (cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY))
-        headers = {
-            "Content-Type": "image/jpeg",
-            "Content-Length": jpeg.size,
-            "X-Timestamp": f"{frame.t_ns / 1e9:.6f}",
-            "X-Sequence": frame.seq,
-        }
-        if frame.truth is not None:
-            headers["X-Truth"] = base64.b64encode(encode_truth(frame.truth)).decode()
-        lines = (f"--{_BOUNDARY}", *(f"{name}: {value}" for name, value in headers.items()), "", "")
-        return b"".join(("\r\n".join(lines).encode(), jpeg.tobytes(), b"\r\n"))
+
+def _encode(frame: Frame) -> bytes:
+    """Return a frame as a part of the stream."""
+    bgr = cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2BGR)
+    _, jpeg = cv2.imencode(".jpg", bgr, (cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY))
+    headers = {
+        "Content-Type": "image/jpeg",
+        "Content-Length": jpeg.size,
+        "X-Timestamp": f"{frame.t_ns / 1e9:.6f}",
+        "X-Sequence": frame.seq,
+    }
+    if frame.truth is not None:
+        headers["X-Truth"] = base64.b64encode(encode_truth(frame.truth)).decode()
+    lines = (f"--{_BOUNDARY}", *(f"{name}: {value}" for name, value in headers.items()), "", "")
+    return b"".join(("\r\n".join(lines).encode(), jpeg.tobytes(), b"\r\n"))
 
 
 class _Newest:

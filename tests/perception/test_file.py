@@ -110,7 +110,15 @@ def test_a_rate_that_cannot_be_is_taken_for_the_usual_one(play, tmp_path):
     assert camera.read(START_NS + 10 * PERIOD_NS).seq == 11
 
 
-@pytest.mark.parametrize("content", [b"", b"no video at all " * 100, b"RIFF\xff\xff\xff\xffAVI LIST"])
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        b"no video at all " * 100,
+        b"RIFF\xff\xff\xff\xffAVI LIST",
+        b"\0\0\0\x10ftypmp42\0\0\0\0\0\0\0\x10mdat\0\0\0\0\0\0\0\0",
+    ],
+)
 def test_what_is_no_video_is_refused_before_anything_starts(play, tmp_path, content, capfd):
     path = tmp_path / "clip.avi"
     path.write_bytes(content)

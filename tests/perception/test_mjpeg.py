@@ -15,7 +15,7 @@ from streams import STREAM, jpeg, part, picture, serving, until
 from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.geometry import Pose
 from adatracker_deploy.messages import Frame, Truth
-from adatracker_deploy.perception import live
+from adatracker_deploy.perception import live, mjpeg
 from adatracker_deploy.perception.mjpeg import MjpegCamera, decode_part
 from adatracker_deploy.perception.multipart import LARGEST_BODY_BYTES, MultipartParser
 from adatracker_deploy.perception.truth_wire import encode_truth
@@ -217,7 +217,8 @@ def test_a_damaged_picture_is_dropped_and_counted_and_the_next_one_seen(damaged,
         camera.close()
 
 
-def test_of_a_backlog_only_the_newest_picture_is_looked_at(opened):
+def test_of_a_backlog_only_the_newest_picture_is_looked_at(opened, monkeypatch):
+    monkeypatch.setattr(mjpeg, "_RECEIVE_BYTES", 4096)  # less than a picture, as TLS hands it over
     backlog = [part(jpeg(picture(seed, (240, 320)))) for seed in range(150)]
     with saying(STREAM + b"".join(backlog)) as port:
         camera = opened(address(port))

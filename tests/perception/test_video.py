@@ -84,6 +84,14 @@ def test_an_rtsp_camera_is_seen_as_it_is_and_told_when_it_falls_silent(opened):
             until(lambda: camera.read(newest(camera).t_ns + 2_100_000_000) is None)
 
 
+def test_closing_ends_the_reader_of_a_stream_that_goes_on(opened):
+    with rtsp_camera(cycle([jpeg(picture(0)), jpeg(picture(1))]), 50, PAUSE.wait) as port:
+        camera = opened(f"rtsp://127.0.0.1:{port}/eye")
+        camera.close()
+        camera.close()
+        assert not any(camera.name in thread.name for thread in threading.enumerate())
+
+
 def test_a_stream_that_ends_is_an_error(opened, tmp_path):
     path, go_on = film(tmp_path / "live.avi", [picture(i) for i in range(AT_ONCE)]), threading.Event()
     with sending(path, go_on) as port:

@@ -175,6 +175,22 @@ def test_closing_ends_every_stream_and_frees_the_port():
     MjpegServer(server.port).close()
 
 
+def test_closing_does_not_wait_for_a_client_that_does_not_read():
+    server = MjpegServer()
+    server.publish(noise(0, (720, 1280)))  # more than the kernel keeps
+    with socket.socket() as client:
+        client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        client.connect(("127.0.0.1", server.port))
+        client.sendall(b"GET /stream.mjpg HTTP/1.0\r\n\r\n")
+        received = b""
+        while b"--frame" not in received:
+            received += client.recv(64)
+        server.close()
+        deadline_s = time.monotonic() + mjpeg_server._SEND_TIMEOUT_S / 2
+        while any("process_request_thread" in thread.name for thread in threading.enumerate()):
+            assert time.monotonic() < deadline_s
+
+
 def test_rubbish_requests_change_nothing(server):
     for rubbish in (b"\0\xff" * 40_000, b"GET\r\n\r\n", b"POST /go HTTP/9.9\r\n\r\n"):
         connection = socket.create_connection(("127.0.0.1", server.port), 5)
