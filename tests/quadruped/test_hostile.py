@@ -1,0 +1,123 @@
+"""A hundred thousand hostile payloads on each inbound key: no crash, no motion, no memory."""
+
+import os
+import random
+
+import pytest
+import zenoh
+
+from adatracker_deploy.geometry import Pose
+from adatracker_deploy.platform import ZERO
+from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_quadruped.camera import ZenohCamera
+from adatracker_quadruped.camera_topic import with_camera
+from adatracker_quadruped.keys import Keys
+from adatracker_quadruped.messages import (
+    CompressedImage,
+    Imu,
+    Odometry,
+    encode_battery,
+    encode_compressed_image,
+    encode_imu,
+    encode_odometry,
+    encode_twist,
+)
+from adatracker_quadruped.session import open_session
+from adatracker_quadruped.sitl_keys import SitlKeys
+from tests.quadruped.rehearsal import connected, far_end, memory_kb, moved
+from tests.quadruped.routers import until
+
+pytestmark = pytest.mark.slow
+
+PAYLOADS = 100_000
+LARGEST_GROWTH_KB = 20_000
+GOOD = {
+    "odometry": encode_odometry(Odometry(Pose(), ZERO, 1)),
+    "imu": encode_imu(Imu((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 9.8), 1)),
+    "battery": encode_battery(0.5),
+    "camera": encode_compressed_image(CompressedImage(1, "jpeg", memoryview(b"\xff\xd8" + bytes(500)))),
+    "command": encode_twist(ZERO),
+}
+
+
+def hostile(good, seed):
+    """Rubbish, cut messages, huge lengths, a NaN in every place, and now and then a megabyte."""
+    rng = random.Random(seed)
+    nan = b"\x00\x00\x00\x00\x00\x00\xf8\x7f"
+    while True:
+        kind = rng.randrange(5)
+        if kind == 0:
+            yield rng.randbytes(rng.randrange(400))
+        elif kind == 1:
+            yield good[: rng.randrange(len(good))]
+        elif kind == 2:
+            at = rng.randrange(4, len(good) - 4)
+            yield good[:at] + b"\xff\xff\xff\xff" + good[at + 4 :]
+        elif kind == 3:
+            at = 4 + 8 * rng.randrange(max(1, (len(good) - 4) // 8))
+            yield (good[:at] + nan + good[at + 8 :])[: len(good)]
+        else:
+            yield good + bytes(rng.randrange(1, 1 << 20 if rng.random() < 0.001 else 64))
+
+
+def flood(session, key, good, pid):
+    """Put them all on one key as fast as the link takes them; return by how many kB a process has grown.
+
+    Zenoh keeps 20 MB of receive buffers for each session that has ever sent it a message in fragments; they
+    are filled before the count begins.
+    """
+    publisher = session.declare_publisher(key, congestion_control=zenoh.CongestionControl.BLOCK)
+    until(lambda: publisher.matching_status.matching)
+    for _ in range(500):
+        publisher.put(bytes(100_000))
+    before_kb = memory_kb(pid)
+    payloads = hostile(good, seed=key)
+    for _ in range(PAYLOADS):
+        publisher.put(next(payloads))
+    grew_kb = memory_kb(pid) - before_kb
+    print(f"{key}: {PAYLOADS} payloads, {grew_kb} kB more")
+    return grew_kb
+
+
+@pytest.mark.parametrize("inbound", ["command", "fault", "go"])
+def test_the_robot_does_not_move_for_hostile_commands(inbound):
+    with far_end() as (sitl, profile), connected(profile) as platform:
+        keys, sitl_keys = Keys(profile.connection), SitlKeys(profile.connection)
+        key = {"command": keys.command, "fault": sitl_keys.fault, "go": sitl_keys.go}[inbound]
+        start = platform.state().pose
+        with open_session(profile.connection) as session:
+            assert flood(session, key, GOOD.get(inbound, b"low_battery!"), sitl.pid) < LARGEST_GROWTH_KB
+        assert moved(platform, start, 0.5) < 1e-6
+        platform.engage()
+        platform.send(ZERO, platform.clock.now_ns())
+
+
+@pytest.mark.parametrize("inbound", ["odometry", "imu", "battery"])
+def test_the_host_lives_through_hostile_messages_from_the_robots_side(inbound):
+    with far_end() as (_, profile), connected(profile) as platform:
+        key = getattr(Keys(profile.connection), inbound)
+        with open_session(profile.connection) as session:
+            assert flood(session, key, GOOD[inbound], os.getpid()) < LARGEST_GROWTH_KB
+        state = platform.state()
+        assert state.velocity.is_finite()
+        assert state.battery is None or 0.0 <= state.battery <= 1.0
+        until(lambda: platform.state().age_s(platform.clock.now_ns()) < 0.1)
+        platform.engage()
+        platform.send(ZERO, platform.clock.now_ns())
+        assert not platform.state().stopped
+
+
+def test_the_camera_shows_nothing_hostile():
+    with far_end() as (_, profile):
+        camera = ZenohCamera(profile, MonotonicClock())
+        camera.open()
+        try:
+            with open_session(profile.connection) as session:
+                key = Keys(with_camera(profile)).camera
+                assert flood(session, key, GOOD["camera"], os.getpid()) < LARGEST_GROWTH_KB
+            assert camera.dropped > 0
+            seen = camera.read(camera.clock.now_ns()).seq
+            until(lambda: camera.read(camera.clock.now_ns()).seq > seen)
+            assert camera.read(camera.clock.now_ns()).truth is not None
+        finally:
+            camera.close()
