@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 from adatracker_deploy.errors import PlatformError, UsageError
-from adatracker_deploy.perception.camera import ROBOT, scene_of
+from adatracker_deploy.perception.camera import ROBOT, scene_of, without_password
 from adatracker_deploy.perception.pipeline import Perception, Seen
 from adatracker_deploy.perception.segmenter import segment_truth
 from adatracker_deploy.perception.sources import open_source
@@ -145,14 +145,14 @@ class _Trial:
             camera = self.plan.platform.camera(profile, self.clock)
         else:
             camera = open_source(uri, self.clock)
-        self.progress.phase(f"opening the camera {uri}")
+        self.progress.phase(f"opening the camera {without_password(uri)}")
         self.stack.callback(camera.close)
         camera.open()
         frame = camera.read(self.clock.now_ns())
         if frame is None or frame.truth is None:
             raise UsageError(
-                f"camera {uri}: gives pictures alone, and there is no segmenter yet that finds the person in "
-                "them; rehearse with --sitl, or follow a virtual person with --camera world://SCENE"
+                f"camera {without_password(uri)}: gives pictures alone, and there is no segmenter yet that finds "
+                "the person in them; rehearse with --sitl, or follow a virtual person with --camera world://SCENE"
             )
         return camera
 
@@ -310,11 +310,12 @@ class _Trial:
     def _config(self, profile: Profile) -> dict[str, Any]:
         """What the log says of the run itself."""
         plan = self.plan
+        shown = without_password(plan.camera or profile.camera.uri)
         return {
-            "profile": asdict(profile),
+            "profile": asdict(replace(profile, camera=replace(profile.camera, uri=shown))),
             "policy_sha256": dict(plan.policy.info.sha256),
             **asdict(plan.scenario),
-            "camera": plan.camera or profile.camera.uri,
+            "camera": shown,
             "speed": plan.speed,
         }
 

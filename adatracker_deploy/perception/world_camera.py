@@ -101,4 +101,6 @@ class WorldCamera:
             self._last_ns = now_ns
         self._seq += 1
         fov_rad = math.radians(self._mount.fov_deg)
-        return take_frame(self._world, robot, self._mount.pose(robot), fov_rad, self._size, now_ns, self._seq)
+        return take_frame(
+            self._world, robot, self._mount.pose(robot), fov_rad, self._size, t_ns=now_ns, seq=self._seq
+        )

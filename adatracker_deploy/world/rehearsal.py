@@ -1,11 +1,12 @@
 """A world with one ground robot in it, at the far end of that robot's wire.
 
-Two threads meet here: the wire's, which drives the body, and the camera's, which lets the people walk and looks.
-Obstacles and walls block the body, as the real ones would.
+Two threads meet here: the wire's, which drives the body, and the camera's, which lets the people walk and
+looks. Obstacles and walls block the body, as the real ones would.
 """
 
 from __future__ import annotations
 
+import sys
 import threading
 from typing import TYPE_CHECKING
 
@@ -26,13 +27,16 @@ if TYPE_CHECKING:
 
 BODY_RADIUS_M = 0.3
 """How near an obstacle counts as a collision, and is kept off."""
+SWITCH_S = 5e-4
+"""Longest turn of a thread of the far end while another waits: Python's own 5 ms would keep the wire's thread
+from its 20 ms period whenever a picture is drawn."""
 RGB_SHARE = 2
 """Colours, which only people look at, are cast at half the resolution: a third of the time, so that
 a rehearsal at five times real time keeps up."""
 
 
 def take_frame(
-    world: World, robot: Pose, camera: Pose, fov_rad: float, size: tuple[int, int], t_ns: int, seq: int
+    world: World, robot: Pose, camera: Pose, fov_rad: float, size: tuple[int, int], *, t_ns: int, seq: int
 ) -> Frame:
     """Return the frame, with its truth, that a camera at `camera` of a robot at `robot` takes.
 
@@ -94,7 +98,7 @@ class Rehearsal:
             self._world.step((now_ns - last_ns) / 1e9, robot)
             self._last_ns = now_ns
         self._seq += 1
-        return take_frame(self._world, robot, camera, self._fov_rad, self._size, now_ns, self._seq)
+        return take_frame(self._world, robot, camera, self._fov_rad, self._size, t_ns=now_ns, seq=self._seq)
 
 
 def film(
@@ -105,6 +109,8 @@ def film(
     ended: threading.Event,
 ) -> threading.Thread:
     """Start a thread that takes frames at `rate_hz` and hands them to `publish` until `ended` is set."""
+
+    sys.setswitchinterval(SWITCH_S)
 
     def run() -> None:
         pacer = Pacer(clock, rate_hz)
