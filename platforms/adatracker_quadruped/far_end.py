@@ -13,6 +13,8 @@ import zenoh
 
 from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.platform import ZERO
+from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_deploy.runtime.pacer import Pacer
 from adatracker_deploy.schema import Range
 from adatracker_deploy.world.rehearsal import Rehearsal, film
 from adatracker_quadruped.body import QuadrupedBody
@@ -31,8 +33,8 @@ if TYPE_CHECKING:
     from adatracker_deploy.platform import Scenario
     from adatracker_deploy.runtime.clock import Clock
 
-LOOK_S = 0.01
-"""Machine time between two looks at the channels: how soon a stop is obeyed, too."""
+LOOK_HZ = 100.0
+"""Looks at the channels per second of the machine's: how soon a stop is obeyed, too."""
 LONGEST_LAG_S = 0.25
 """A process that was kept from running for longer skips the time instead of rushing through it."""
 DEAF_S = 0.2
@@ -103,7 +105,9 @@ class FarEnd:
     def _walk(self, lifeline_ended: threading.Event) -> None:
         give_up_s, deaf_until_s = math.inf, 0.0
         looked_s, last_ns = time.monotonic(), self._clock.now_ns()
+        pacer = Pacer(MonotonicClock(), LOOK_HZ)
         while True:
+            pacer.wait()
             now_s, now_ns = time.monotonic(), self._clock.now_ns()
             if now_s - looked_s > STALE_S:
                 deaf_until_s = now_s + DEAF_S
@@ -116,10 +120,8 @@ class FarEnd:
                     return
             passed_s = min((now_ns - last_ns) / 1e9, LONGEST_LAG_S * self._clock.speed)
             last_ns = now_ns
-            if passed_s > 0:
-                self._rehearsal.step(self._command, passed_s)
+            self._rehearsal.step(self._command, passed_s)
             self._senses.tell(self._body, self._fault, now_ns, time.time_ns())
-            time.sleep(LOOK_S)
 
     def _listen(self, now_s: float, *, deaf: bool) -> None:
         """Take what has come in, the newest command alone; and stop when there is reason to."""
