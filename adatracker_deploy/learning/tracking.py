@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from adatracker_deploy.learning.episode_spec import EpisodeSpec
     from adatracker_deploy.messages import Truth
+    from adatracker_deploy.platform import Twist
 
 ACTION: ActionSpec = FORWARD_YAW
 """What the two numbers of an action mean: forward, then yaw, counter-clockwise positive."""
@@ -59,7 +60,11 @@ class Tracking:
 
     def step(self, action: NDArray[np.float32]) -> Tick:
         """Follow an action of shape (2,), clipped to [-1, 1], for one period."""
-        outcome = self.task.step(to_twist(action, ACTION, self.limits))
+        return self.follow(to_twist(action, ACTION, self.limits))
+
+    def follow(self, command: Twist) -> Tick:
+        """Follow a velocity command for one period."""
+        outcome = self.task.step(command)
         observation, dropped = self._spoil(outcome.observation)
         return Tick(observation, dropped, outcome.truth, outcome.reward, outcome.visible, outcome.end)
 

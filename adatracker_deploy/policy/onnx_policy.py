@@ -57,8 +57,13 @@ class OnnxPolicy:
         """Forget everything; draw this episode's random colour from `seed`."""
         self._painter.reset(seed)
         self._policy.clear()
+        self._imposed: Array | None = None
         if self._encoder is not None:
             self._encoder.reset()
+
+    def impose(self, context: Array) -> None:
+        """Let it take its body for another: answer with this z, shape (Z,), until the next reset."""
+        self._imposed = np.asarray(context, np.float32)[None]
 
     def act(self, observation: Observation) -> Action:
         """Paint the observation's mask and answer it."""
@@ -78,7 +83,8 @@ class OnnxPolicy:
         np.copyto(inputs["mask"][0], mask_input)
         context = None
         if self._encoder is not None:
-            inputs["z"] = self._encoder.context()
+            own = self._encoder.context()
+            inputs["z"] = own if self._imposed is None else self._imposed
             context = inputs["z"][0]
         action, inputs["h"], inputs["c"] = self._policy.run("action", "h_next", "c_next")
         if "last_action" in inputs:

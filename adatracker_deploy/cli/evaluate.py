@@ -1,0 +1,136 @@
+"""``evaluate``: policies over the paper's grid of bodies, or what a policy's context knows of a body."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
+
+from adatracker_deploy.errors import PlatformError, UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from adatracker_deploy.evaluation.grid import Grid
+    from adatracker_deploy.evaluation.play import Episode, Played
+
+
+def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add ``evaluate``."""
+    parser = commands.add_parser(
+        "evaluate",
+        help="score policies over the paper's grid of bodies",
+        description="Score policies over 4 camera heights and 4 target speeds, on equal episodes, with 95 % "
+        "intervals and beside the paper's figures. Interrupted, it shows what is finished.",
+    )
+    parser.add_argument(
+        "--policy",
+        metavar="NAME|DIR",
+        action="append",
+        help="a policy; give several to compare them (default: pid)",
+    )
+    parser.add_argument("--condition", default="clean", metavar="NAME", help="clean, field or hard (clean)")
+    parser.add_argument("--scene", default="simple_room", metavar="NAME", help="(default: %(default)s)")
+    parser.add_argument("--episodes", type=int, default=20, metavar="N", help="a cell (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=0, metavar="S", help="of the run (default: %(default)s)")
+    parser.add_argument("--steps", type=int, default=500, metavar="N", help="horizon (default: %(default)s)")
+    parser.add_argument(
+        "--workers",
+        type=int,
+        default=len(os.sched_getaffinity(0)),
+        metavar="N",
+        help="processes (default: %(default)s)",
+    )
+    parser.add_argument("--latex", type=Path, metavar="FILE", help="write the paper's table")
+    parser.add_argument("--picture", type=Path, metavar="PNG", help="draw heat maps")
+    parser.add_argument("--json", action="store_true", help="one JSON object as the only line of stdout")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Evaluate; return the exit status.
+
+    Raises:
+        UsageError: a policy, condition, scene or number is wrong, or a file cannot be written.
+        PlatformError: a worker process died; what was finished has been shown.
+    """
+    if args.workers < 1:
+        raise UsageError(f"--workers: {args.workers} is out of range, at least 1")
+    signal.signal(signal.SIGTERM, _interrupt)
+    return _grid(args)
+
+
+def _grid(args: argparse.Namespace) -> int:
+    from adatracker_deploy.cli.counting import counted
+    from adatracker_deploy.evaluation.grid import Grid, policy_labels
+    from adatracker_deploy.evaluation.picture import check_drawing
+    from adatracker_deploy.evaluation.play import play_all
+
+    grid = Grid(
+        policies=tuple(args.policy or ["pid"]),
+        condition=args.condition,
+        scene=args.scene,
+        episodes=args.episodes,
+        seed=args.seed,
+        steps=args.steps,
+    )
+    labels = policy_labels(grid.policies)
+    if args.picture is not None:
+        check_drawing(args.picture)
+    plan = grid.plan()
+    begin_s = time.monotonic()
+    finished: list[tuple[Episode, Played]] = []
+    stopped: BaseException | None = None
+    try:
+        for index, played in counted(play_all(plan, args.workers), len(plan), "episodes"):
+            finished.append((plan[index], played))
+    except (KeyboardInterrupt, PlatformError) as reason:
+        stopped = reason
+    if finished:
+        _show(args, grid, labels, finished, time.monotonic() - begin_s)
+    if stopped is not None:
+        raise stopped
+    return 0
+
+
+def _show(
+    args: argparse.Namespace,
+    grid: Grid,
+    labels: dict[str, str],
+    finished: Sequence[tuple[Episode, Played]],
+    seconds: float,
+) -> None:
+    """Print and write what was played."""
+    from rich.console import Console
+
+    from adatracker_deploy.evaluation.latex import latex_table
+    from adatracker_deploy.evaluation.picture import grid_picture
+    from adatracker_deploy.evaluation.record import grid_record
+    from adatracker_deploy.evaluation.scores import PolicyScore, differences
+    from adatracker_deploy.evaluation.table import grid_table
+
+    by_policy = {label: [pair for pair in finished if pair[0].policy == key] for key, label in labels.items()}
+    scores = [PolicyScore.of(label, pairs) for label, pairs in by_policy.items() if pairs]
+    compared = differences(scores)
+    Console(stderr=args.json).print(grid_table(grid, scores, compared))
+    if args.json:
+        print(json.dumps(grid_record(grid, scores, compared, seconds), allow_nan=False))
+    if args.latex is not None:
+        _write(args.latex, latex_table(grid, scores))
+    if args.picture is not None:
+        grid_picture(grid, scores).savefig(args.picture)
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be written ({error.strerror})") from error
+
+
+def _interrupt(*_: object) -> NoReturn:
+    raise KeyboardInterrupt

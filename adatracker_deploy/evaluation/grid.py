@@ -1,0 +1,118 @@
+"""Which episodes make up the grid: the paper's 16 bodies, some episodes each, equal for every policy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.evaluation.play import Episode
+from adatracker_deploy.learning.conditions import HEIGHTS_M, TARGET_SPEEDS_M_S, condition_named, make_cell
+from adatracker_deploy.learning.episode_spec import RATE_HZ
+from adatracker_deploy.learning.seeds import FIRST_EVALUATION
+from adatracker_deploy.policy.catalogue import load_policy
+from adatracker_deploy.policy.onnx_policy import OnnxPolicy
+from adatracker_deploy.world import check_scene
+
+PAPER_SCENE, PAPER_STEPS = "simple_room", 500
+"""Of the paper's table of per-embodiment results."""
+MOST_EPISODES = 10_000
+"""Episodes of a cell have seeds of their own, of which each cell has so many."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """One of the paper's embodiments."""
+
+    height_m: float
+    """Of the camera."""
+    target_speed_m_s: float
+    """The tracker's own limit follows from it, see `learning.conditions`."""
+
+
+CELLS = tuple(Cell(height_m, speed_m_s) for height_m in HEIGHTS_M for speed_m_s in TARGET_SPEEDS_M_S)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Grid:
+    """What is compared, and where.
+
+    Raises:
+        UsageError: there is no such condition, scene or policy, a policy is named twice, or a number is out
+            of range.
+    """
+
+    policies: tuple[str, ...]
+    """As `load_policy` takes them."""
+    condition: str = "clean"
+    scene: str = PAPER_SCENE
+    episodes: int = 20
+    """A cell."""
+    seed: int = 0
+    """Of the whole; another one gives other episodes, all of them kept for evaluation."""
+    steps: int = PAPER_STEPS
+    """The horizon."""
+
+    def __post_init__(self) -> None:
+        condition_named(self.condition)
+        check_scene(self.scene)
+        for name, value, low, high in (
+            ("episodes", self.episodes, 1, MOST_EPISODES),
+            ("seed", self.seed, 0, 1_000_000),
+            ("steps", self.steps, 1, 100_000),
+        ):
+            if not low <= value <= high:
+                raise UsageError(f"{name}: {value} is out of range [{low}, {high}]")
+        twice = next((name for name in self.policies if self.policies.count(name) > 1), None)
+        if twice is not None:
+            raise UsageError(f"policy {twice!r} is named twice")
+
+    @property
+    def is_the_papers(self) -> bool:
+        """Scene and horizon are those of the paper's table."""
+        return (self.scene, self.steps) == (PAPER_SCENE, PAPER_STEPS)
+
+    def plan(self) -> list[Episode]:
+        """Return all episodes, one of every cell by every policy after the other.
+
+        So a run that is cut short has as many of each, give or take one.
+        """
+        return [
+            Episode(policy=policy, spec=spec, steps=self.steps)
+            for number in range(self.episodes)
+            for index, cell in enumerate(CELLS)
+            for spec in [
+                make_cell(
+                    self.condition,
+                    cell.height_m,
+                    cell.target_speed_m_s,
+                    self._episode_seed(index, number),
+                    scene=self.scene,
+                )
+            ]
+            for policy in self.policies
+        ]
+
+    def _episode_seed(self, cell: int, number: int) -> int:
+        """Return a seed that no other cell or run has, and that does not depend on how many are asked for."""
+        return FIRST_EVALUATION + (self.seed * len(CELLS) + cell) * MOST_EPISODES + number
+
+
+def policy_labels(policies: tuple[str, ...]) -> dict[str, str]:
+    """Return how each policy is called in tables: by its own name where no other has that, else as given.
+
+    Raises:
+        UsageError: a policy does not exist, its bundle is refused, or it was trained at another rate.
+    """
+    names = {policy: _checked_name(policy) for policy in policies}
+    own = list(names.values())
+    return {policy: name if own.count(name) == 1 else policy for policy, name in names.items()}
+
+
+def _checked_name(policy: str) -> str:
+    loaded = load_policy(policy)
+    # A network has learnt what one step brings about; the PID reads the time and takes any rate.
+    if isinstance(loaded, OnnxPolicy) and loaded.info.rate_hz != RATE_HZ:
+        raise UsageError(
+            f"policy {policy!r} was trained at {loaded.info.rate_hz:g} Hz; episodes here have {RATE_HZ:g} Hz"
+        )
+    return loaded.info.name

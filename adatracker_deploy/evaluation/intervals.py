@@ -1,0 +1,84 @@
+"""95 % intervals: Student's t for means, Wilson's for shares. Pure functions of numbers."""
+
+from __future__ import annotations
+
+import functools
+import math
+import statistics
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+LEVEL = 0.95
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A value with the interval that covers the truth in 95 of 100 repetitions; it may be infinite."""
+
+    value: float
+    low: float
+    high: float
+
+    @property
+    def excludes_zero(self) -> bool:
+        """The sign is told."""
+        return self.low > 0 or self.high < 0
+
+
+def mean_estimate(values: Sequence[float]) -> Estimate:
+    """Return the mean of independent values with Student's t interval; a single value bounds nothing.
+
+    Raises:
+        ValueError: there are no values.
+    """
+    if not values:
+        raise ValueError("no values to average")
+    mean = statistics.fmean(values)
+    if len(values) == 1:
+        return Estimate(mean, -math.inf, math.inf)
+    half = t_quantile(len(values) - 1) * statistics.stdev(values) / math.sqrt(len(values))
+    return Estimate(mean, mean - half, mean + half)
+
+
+def share_estimate(hits: int, count: int) -> Estimate:
+    """Return `hits` of `count` independent trials as a share with Wilson's score interval.
+
+    Source: E. B. Wilson, "Probable inference, the law of succession, and statistical inference", 1927.
+
+    Raises:
+        ValueError: there are no trials, or hits are no part of them.
+    """
+    if not 0 <= hits <= count or not count:
+        raise ValueError(f"{hits} of {count} is no share")
+    z2 = statistics.NormalDist().inv_cdf((1 + LEVEL) / 2) ** 2
+    middle = (hits + z2 / 2) / (count + z2)
+    half = math.sqrt(z2 * (hits * (count - hits) / count + z2 / 4)) / (count + z2)
+    # At the ends one bound is the share itself, but for rounding.
+    low = 0.0 if hits == 0 else middle - half
+    high = 1.0 if hits == count else middle + half
+    return Estimate(hits / count, low, high)
+
+
+@functools.lru_cache(maxsize=256)
+def t_quantile(freedom: int) -> float:
+    """Return t > 0 with P(|T| <= t) = 0.95 for Student's T of `freedom` >= 1 degrees of freedom."""
+    low, high = 0.0, math.pi / 2
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (middle, high) if _within(middle, freedom) < LEVEL else (low, middle)
+    return math.tan((low + high) / 2) * math.sqrt(freedom)
+
+
+def _within(theta: float, freedom: int) -> float:
+    """Return P(|T| <= sqrt(freedom) tan(theta)); Abramowitz and Stegun, 26.7.3 and 26.7.4."""
+    cos, odd = math.cos(theta), freedom % 2
+    term = cos if odd else 1.0
+    total = term if freedom > 1 else 0.0
+    for k in range(2 + odd, freedom - 1, 2):
+        term *= cos * cos * (k - 1) / k
+        total += term
+    total *= math.sin(theta)
+    return 2 / math.pi * (theta + total) if odd else total

@@ -1,0 +1,148 @@
+"""Episodes played by policies, in this process or in several: one policy, one network session a process."""
+
+from __future__ import annotations
+
+import math
+import multiprocessing
+import os
+import signal
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.learning.tracking import Tracking
+from adatracker_deploy.policy.base import to_twist
+from adatracker_deploy.policy.catalogue import load_policy
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from adatracker_deploy.learning.episode_spec import EpisodeSpec
+    from adatracker_deploy.policy.base import Policy
+
+Contexts = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Episode:
+    """One episode to be played; nothing but plain values, for other processes."""
+
+    policy: str
+    """As `load_policy` takes it."""
+    spec: EpisodeSpec
+    steps: int = 500
+    """The horizon."""
+    with_contexts: bool = False
+    """Every tick's z is wanted."""
+    imposed: Contexts | None = None
+    """A z of shape (Z,) to answer with instead of the encoder's own."""
+
+
+@dataclass(frozen=True, slots=True)
+class Played:
+    """What came of an episode."""
+
+    ar: float
+    """Accumulated reward."""
+    el: int
+    """Steps until it ended."""
+    success: bool
+    """The horizon was reached."""
+    contexts: Contexts | None = None
+    """z a tick, (T, Z), where it was wanted."""
+
+
+def play(policy: Policy, episode: Episode) -> Played:
+    """Play an episode with a policy that is loaded; the same spec gives every policy the same world.
+
+    Raises:
+        UsageError: the world or body is not installed, or the policy has no context where one is needed.
+    """
+    tracking = Tracking(episode.spec, episode.spec.task_settings(episode.steps))
+    policy.reset(episode.spec.seed)
+    if episode.imposed is not None:
+        _impose(policy, episode)
+    seen = tracking.begin()
+    rewards: list[float] = []
+    contexts: list[Contexts] = []
+    while True:
+        action = policy.act(seen)
+        if episode.with_contexts:
+            if action.context is None:
+                raise UsageError(f"policy {episode.policy!r} has no context encoder, so no context to study")
+            contexts.append(action.context)
+        tick = tracking.follow(to_twist(action.values, policy.info.action, tracking.limits))
+        rewards.append(tick.reward)
+        if tick.end:
+            kept = np.array(contexts) if contexts else None
+            return Played(math.fsum(rewards), len(rewards), tick.end == "completed", kept)
+        seen = tick.observation
+
+
+def play_all(episodes: Sequence[Episode], workers: int = 1) -> Iterator[tuple[int, Played]]:
+    """Play episodes; yield each one's place in `episodes` and what came of it, as soon as it is over.
+
+    Args:
+        episodes: begun in this order.
+        workers: processes; 1 stays in this one.
+
+    Raises:
+        UsageError: a policy is refused, or see `play`.
+        PlatformError: a worker process died.
+    """
+    if workers == 1:
+        players = _Players()
+        yield from ((index, players(episode)) for index, episode in enumerate(episodes))
+        return
+    # Read when a worker loads its linear algebra: threads that wait for each other on busy cores cost more
+    # than they bring.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    spawn = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(min(workers, len(episodes) or 1), spawn, _become_worker)
+    try:
+        places = {pool.submit(_work, episode): index for index, episode in enumerate(episodes)}
+        for future in as_completed(places):
+            yield places[future], future.result()
+    except BrokenProcessPool as error:
+        raise PlatformError("a worker process died, perhaps for memory; try fewer --workers") from error
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+class _Players:
+    """Plays episodes with policies that are loaded once."""
+
+    def __init__(self) -> None:
+        self._policies: dict[str, Policy] = {}
+
+    def __call__(self, episode: Episode) -> Played:
+        if episode.policy not in self._policies:
+            self._policies[episode.policy] = load_policy(episode.policy)
+        return play(self._policies[episode.policy], episode)
+
+
+_worker = _Players()
+"""Of a worker process, which lives for one `play_all` and so never sees a policy that changes on disk."""
+
+
+def _become_worker() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
+    cv2.setNumThreads(1)
+
+
+def _work(episode: Episode) -> Played:
+    return _worker(episode)
+
+
+def _impose(policy: Policy, episode: Episode) -> None:
+    from adatracker_deploy.policy.onnx_policy import OnnxPolicy
+
+    assert isinstance(policy, OnnxPolicy)
+    assert episode.imposed is not None
+    policy.impose(episode.imposed)

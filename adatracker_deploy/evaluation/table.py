@@ -1,0 +1,94 @@
+"""The grid's scores in a terminal, laid out as in the paper: a row a height, a column a target's speed."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from rich import box
+from rich.console import Group
+from rich.table import Table
+from rich.text import Text
+
+from adatracker_deploy.evaluation.grid import Cell
+from adatracker_deploy.evaluation.rows import Row, interval_text, rows_of, triple_text
+from adatracker_deploy.learning.conditions import HEIGHTS_M, TARGET_SPEEDS_M_S
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rich.console import RenderableType
+
+    from adatracker_deploy.evaluation.grid import Grid
+    from adatracker_deploy.evaluation.intervals import Estimate
+    from adatracker_deploy.evaluation.scores import Difference, PolicyScore
+
+
+def grid_table(
+    grid: Grid, scores: Sequence[PolicyScore], differences: Sequence[Difference]
+) -> RenderableType:
+    """Draw AR/EL/SR by cell and overall, and differences between policies, with 95 % intervals."""
+    title = f"{grid.condition}, {grid.scene}: AR/EL/SR, {grid.episodes} episodes of {grid.steps} steps a cell"
+    parts: list[RenderableType] = [Text(title, style="italic")]
+    for row in rows_of(grid, scores):
+        parts += [_heading(row), _cells(row)]
+    if differences:
+        parts += [
+            Text("paired differences on equal episodes; bold: zero is excluded"),
+            _table_of(differences),
+        ]
+    return Group(*parts)
+
+
+def _heading(row: Row) -> Text:
+    text = Text(f"\n{row.name}  ", style="bold" if row.overall else "dim")
+    text.append(triple_text(row.mean))
+    if row.overall is not None:
+        intervals = ((row.overall.ar, 0), (row.overall.el, 0), (row.overall.sr, 2))
+        bounds = "  ".join(interval_text(estimate, digits) for estimate, digits in intervals)
+        text.append(f"  95 %: {bounds}", style="not bold")
+    return text
+
+
+def _cells(row: Row) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), style="" if row.overall else "dim")
+    table.add_column("camera", justify="right", no_wrap=True)
+    for speed_m_s in TARGET_SPEEDS_M_S:
+        table.add_column(f"{speed_m_s:g} m/s", justify="right", no_wrap=True, min_width=15)
+    for height_m in HEIGHTS_M:
+        cells = (Cell(height_m, speed_m_s) for speed_m_s in TARGET_SPEEDS_M_S)
+        table.add_row(f"{height_m:g} m", *(_cell(row, cell) for cell in cells), style=table.style)
+    return table
+
+
+def _cell(row: Row, cell: Cell) -> str:
+    """Draw AR/EL/SR with half the width of AR's interval."""
+    if cell not in row.cells:
+        return "-"
+    text = triple_text(row.cells[cell])
+    if cell not in row.metrics or not math.isfinite(row.metrics[cell].ar.high):
+        return text
+    ar, rest = text.split("/", maxsplit=1)
+    estimate = row.metrics[cell].ar
+    return f"{ar}±{estimate.high - estimate.value:.0f}/{rest}"
+
+
+def _table_of(differences: Sequence[Difference]) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for column in ("policy", "less", "episodes", "AR", "EL", "SR"):
+        table.add_column(column, justify="left" if column in ("policy", "less") else "right")
+    for each in differences:
+        table.add_row(
+            each.policy,
+            each.baseline,
+            str(each.episodes),
+            _signed(each.metrics.ar, 0),
+            _signed(each.metrics.el, 0),
+            _signed(each.metrics.sr, 2),
+        )
+    return table
+
+
+def _signed(estimate: Estimate, digits: int) -> Text:
+    text = f"{estimate.value:+z.{digits}f} {interval_text(estimate, digits)}".rstrip()
+    return Text(text, style="bold" if estimate.excludes_zero else "")
