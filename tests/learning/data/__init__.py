@@ -1,0 +1,1 @@
+"""Training data: recipes, collection, visited states, sequences."""

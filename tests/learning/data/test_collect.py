@@ -1,0 +1,144 @@
+"""Collections repeat whatever the workers, go on after an interruption, and never mix."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from adatracker_deploy.cli import main
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.learning.data import collect as module
+from adatracker_deploy.learning.data import shard as shards
+from adatracker_deploy.learning.data.collect import collect, perturbed_episode
+from adatracker_deploy.learning.data.perturbation import LEVELS, Perturbation
+from adatracker_deploy.learning.data.shard import read_shard, unpack_masks
+from adatracker_deploy.learning.seeds import TRAINING
+from adatracker_deploy.learning.tracking import Tracking
+from tests.learning.data import tiny
+
+SHARD = 80
+
+
+@pytest.fixture(autouse=True)
+def small_shards(monkeypatch):
+    monkeypatch.setattr(module, "SHARD_STEPS", SHARD)
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """Everything but the archives' time stamps: the arrays' bytes."""
+    return {
+        f"{path.name}/{name}": array.tobytes()
+        for path in sorted(folder.glob("shard-*.npz"))
+        for name, array in np.load(path).items()
+    }
+
+
+def test_a_collection_has_exactly_the_steps_that_were_asked_for_and_its_episodes_add_up(tmp_path):
+    told = []
+    collect(tiny.recipe(), tmp_path, seed=3, progress=lambda done, steps: told.append((done, steps)))
+    made = [read_shard(path) for path in sorted(tmp_path.glob("*.npz"))]
+    assert [len(shard.steps) for shard in made] == [80, 80, 40]
+    assert told == [(0, 200), (80, 200), (160, 200), (200, 200)]
+    for shard in made:
+        assert sum(episode.steps for episode in shard.episodes) == len(shard.steps)
+        assert all(episode.spec.seed in TRAINING for episode in shard.episodes)
+
+
+def test_two_workers_leave_the_same_files_as_one(tmp_path):
+    collect(tiny.recipe(), tmp_path / "one", seed=1)
+    collect(tiny.recipe(), tmp_path / "two", seed=1, workers=2)
+    assert contents(tmp_path / "one") == contents(tmp_path / "two")
+
+
+def test_an_interrupted_collection_goes_on_and_keeps_what_was_finished(tmp_path):
+    class Interrupted(Exception):
+        pass
+
+    def interrupt(done, steps):
+        if done >= 80:
+            raise Interrupted
+
+    with pytest.raises(Interrupted):
+        collect(tiny.recipe(), tmp_path / "cut", seed=2, progress=interrupt)
+    first = tmp_path / "cut" / "shard-00000.npz"
+    written_ns = first.stat().st_mtime_ns
+    assert not (tmp_path / "cut" / "shard-00001.npz").exists()
+    collect(tiny.recipe(), tmp_path / "cut", seed=2)
+    collect(tiny.recipe(), tmp_path / "whole", seed=2)
+    assert first.stat().st_mtime_ns == written_ns
+    assert contents(tmp_path / "cut") == contents(tmp_path / "whole")
+
+
+def test_a_larger_collection_goes_on_from_a_smaller_one(tmp_path):
+    collect(tiny.recipe(), tmp_path / "grown", steps=100)
+    collect(tiny.recipe(), tmp_path / "grown", steps=200)
+    collect(tiny.recipe(), tmp_path / "at once", steps=200)
+    assert contents(tmp_path / "grown") == contents(tmp_path / "at once")
+
+
+@pytest.mark.parametrize("changed", [{"seed": 1}, {"recipe": tiny.recipe(obstacles=0.0)}])
+def test_a_folder_with_another_collection_is_refused(tmp_path, changed):
+    collect(tiny.recipe(), tmp_path, steps=10)
+    with pytest.raises(UsageError, match="holds another collection"):
+        collect(**({"recipe": tiny.recipe()} | changed), out_dir=tmp_path, steps=10)
+
+
+def test_a_truncated_shard_is_noticed_when_a_collection_goes_on(tmp_path):
+    collect(tiny.recipe(), tmp_path, steps=100)
+    path = tmp_path / "shard-00000.npz"
+    path.write_bytes(path.read_bytes()[:-100])
+    with pytest.raises(UsageError, match=r"shard-00000\.npz: is damaged or cut short; delete it"):
+        collect(tiny.recipe(), tmp_path, steps=100)
+
+
+def test_an_episodes_first_mask_is_at_its_start_and_its_rewards_follow_from_its_actions():
+    header, steps = perturbed_episode(tiny.recipe(), seed=5, steps=30)
+    again = Tracking(header.spec, header.spec.task_settings(30))
+    assert np.array_equal(unpack_masks(steps.masks)[0], again.begin().mask)
+    for t in range(30):
+        tick = again.step(steps.actions[t])
+        assert steps.rewards[t] == np.float32(tick.reward)
+        assert steps.visible[t] == tick.visible
+        if t < 29:
+            assert np.array_equal(unpack_masks(steps.masks[t + 1]), tick.observation.mask)
+            assert steps.dropped[t + 1] == tick.dropped
+
+
+def test_every_level_of_perturbation_is_drawn_and_strays_further_than_the_one_below():
+    levels = {Perturbation.drawn(seed)._level for seed in range(100)}
+    assert levels == set(LEVELS)
+    strays = []
+    for level in LEVELS:
+        perturb = Perturbation(np.random.default_rng(0), level)
+        made = np.array([perturb(np.zeros(2, np.float32)) for _ in range(4000)])
+        assert np.abs(made).max() <= 1.0
+        strays.append(np.abs(made).mean())
+    assert strays[0] == 0.0
+    assert strays == sorted(strays)
+    assert strays[-1] > 0.3
+
+
+def test_the_label_is_the_clean_action_and_the_perturbed_one_was_executed(tmp_path):
+    collect(tiny.recipe(), tmp_path, steps=160)
+    steps = shards.Steps.joined([read_shard(path).steps for path in tmp_path.glob("*.npz")])
+    differs = (steps.actions != steps.experts).any(axis=1)
+    assert differs.any()
+    assert not steps.done.all()
+
+
+def test_the_command_collects_and_tells_so_in_json(tmp_path, capsys):
+    out = tmp_path / "data"
+    words = ["collect", "--recipe", "paper", "--steps", "60", "--workers", "1", "--out", str(out), "--json"]
+    assert main(words) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert (said["recipe"], said["steps"], said["out"]) == ("paper", 60, str(out))
+    assert len(read_shard(out / "shard-00000.npz").steps) == 60
+
+
+@pytest.mark.parametrize("wrong", [["--steps", "0"], ["--workers", "0"], ["--recipe", "soup"]])
+def test_the_command_refuses_what_makes_no_sense(tmp_path, wrong, capsys):
+    assert main(["collect", "--out", str(tmp_path / "data"), *wrong]) == 2
+    assert capsys.readouterr().err.count("\n") == 1

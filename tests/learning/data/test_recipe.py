@@ -1,0 +1,83 @@
+"""Recipes are read strictly, and draw what they say."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.learning.data.recipe import load_recipe, recipe_names
+from tests.learning.data import tiny
+
+
+def test_the_paper_and_the_deploy_recipe_are_shipped():
+    assert recipe_names() == ["deploy", "paper"]
+    assert load_recipe("paper").steps == 190_000
+    assert load_recipe("deploy").steps == 1_000_000
+
+
+@settings(max_examples=100)
+@given(seed=st.integers(0, 899_999))
+def test_the_papers_bodies_have_its_heights_and_limits(seed):
+    spec = load_recipe("paper").draw(seed)
+    assert spec.embodiment.height_m in (0.5, 1.0, 1.7)
+    assert 0.8 <= spec.embodiment.forward_m_s <= 1.5
+    assert spec.embodiment.forward_m_s / spec.target_speed_m_s == pytest.approx(1.3, abs=0.01)
+    assert (spec.scene, spec.obstacles, spec.others, spec.noise) == ("simple_room", False, 0, "none")
+
+
+@settings(max_examples=200)
+@given(seed=st.integers(0, 899_999))
+def test_a_deploy_body_is_faster_than_whom_it_follows_and_repeats_by_seed(seed):
+    recipe = load_recipe("deploy")
+    spec = recipe.draw(seed)
+    body = spec.embodiment
+    assert spec == recipe.draw(seed)
+    assert 0.2 <= body.height_m <= 3.5
+    assert body.forward_m_s <= 4.0
+    assert spec.target_speed_m_s <= 0.8 * body.forward_m_s
+    assert spec.crossing <= spec.others
+
+
+def test_the_deploy_recipe_spans_the_papers_grid():
+    specs = [load_recipe("deploy").draw(seed) for seed in range(2000)]
+    heights = np.array([spec.embodiment.height_m for spec in specs])
+    speeds = np.array([spec.target_speed_m_s for spec in specs])
+    for low, high in ((0.2, 0.4), (0.9, 1.1), (1.6, 1.8), (2.8, 3.2)):
+        assert ((heights > low) & (heights < high)).mean() > 0.03
+    for low, high in ((0.3, 0.7), (0.8, 1.2), (1.8, 2.2), (2.7, 3.2)):
+        assert ((speeds > low) & (speeds < high)).mean() > 0.01
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"hight_m": {"one_of": [1]}}, "tiny: unknown key 'hight_m'; did you mean 'height_m'?"),
+        ({"steps": 0}, "tiny: steps: 0 is out of range"),
+        ({"height_m": 1.0}, "tiny: height_m: expected a mapping"),
+        ({"height_m": {"low": 2.0, "high": 1.0}}, "low 2 is above high 1"),
+        ({"height_m": {"one_of": []}}, "one_of is empty"),
+        ({"noise": {"loud": 1}}, "tiny: noise: unknown choice 'loud'; known are none, field, hard"),
+        ({"kinds": {"differential": 0}}, "tiny: kinds: needs at least one choice with a weight above 0"),
+        ({"scenes": {"moon": 1}}, "tiny: scenes: unknown choice 'moon'"),
+    ],
+)
+def test_a_wrong_recipe_is_one_clear_line(changed, message):
+    with pytest.raises(UsageError) as refused:
+        tiny.recipe(**changed)
+    assert message in str(refused.value)
+    assert str(refused.value).startswith("tiny")
+    assert "\n" not in str(refused.value)
+
+
+def test_a_missing_or_broken_file_is_one_clear_line(tmp_path):
+    with pytest.raises(UsageError, match="unknown recipe 'soup': known are deploy, paper"):
+        load_recipe("soup")
+    with pytest.raises(UsageError, match="cannot be read"):
+        load_recipe(str(tmp_path / "none.yaml"))
+    broken = tmp_path / "broken.yaml"
+    broken.write_text("steps: [")
+    with pytest.raises(UsageError, match="not valid YAML"):
+        load_recipe(str(broken))
