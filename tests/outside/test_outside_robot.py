@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
+import re
 import subprocess
 import sys
 import sysconfig
@@ -13,20 +13,22 @@ from pathlib import Path
 
 import pytest
 
-PROJECT = Path(__file__).parent / "rover"
+ROOT = Path(__file__).parents[2]
+GUIDE = ROOT / "docs" / "add-a-robot.md"
 
 
 @pytest.fixture(scope="module")
 def project(tmp_path_factory):
-    """A copy of the rover's project, as somebody would make it who starts a robot of their own."""
-    copy = tmp_path_factory.mktemp("outside") / "rover"
-    shutil.copytree(PROJECT, copy, ignore=shutil.ignore_patterns(".*", "__pycache__"))
-    return copy
+    """The rover's project, copied and renamed by the very commands that the guide gives."""
+    home = tmp_path_factory.mktemp("home")
+    (commands, *_) = re.findall(r"```sh\n(.*?)```", GUIDE.read_text(encoding="utf-8"), re.DOTALL)
+    subprocess.run(["bash", "-euc", commands], check=True, cwd=ROOT, env=os.environ | {"HOME": str(home)})
+    return home / "mybot"
 
 
 @pytest.fixture(scope="module")
 def run(project):
-    """Run a module in a fresh virtual environment that has the toolkit and, installed, the rover."""
+    """Run a module in a fresh virtual environment that has the toolkit and, installed, the copy."""
     environment = project.parent / "environment"
     venv.create(environment, with_pip=False, symlinks=True)
     scheme = {"base": str(environment), "platbase": str(environment)}
@@ -53,16 +55,16 @@ def run(project):
 
 @pytest.mark.slow
 def test_it_is_listed_with_its_profile(run, tmp_path):
-    for what, text in (("platforms", "default profile rover"), ("profiles", "rover: the example rover")):
+    for what, text in (("platforms", "default profile mybot"), ("profiles", "mybot: the example mybot")):
         listed = run("adatracker_deploy", what, "--json", folder=tmp_path)
         assert listed.returncode == 0, listed.stderr
-        assert text in json.loads(listed.stdout)[what]["rover"]
+        assert text in json.loads(listed.stdout)[what]["mybot"]
 
 
 @pytest.mark.slow
 def test_it_rehearses(run, tmp_path):
     done = run(
-        "adatracker_deploy", *("--platform", "rover", "--sitl", "--steps", "60", "--json"), folder=tmp_path
+        "adatracker_deploy", *("--platform", "mybot", "--sitl", "--steps", "60", "--json"), folder=tmp_path
     )
     assert done.returncode == 0, done.stderr
     summary = json.loads(done.stdout.splitlines()[-1])
@@ -87,4 +89,4 @@ def test_the_toolkit_knows_nothing_of_it_where_it_is_not_installed():
         capture_output=True,
         text=True,
     )
-    assert "rover" not in json.loads(listed.stdout)["platforms"]
+    assert "mybot" not in json.loads(listed.stdout)["platforms"]

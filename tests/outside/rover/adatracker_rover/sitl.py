@@ -98,8 +98,10 @@ def main(argv: list[str] | None = None) -> int:
         settings = parse(SitlSettings, json.loads(args.settings), where="settings")
         wire = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         wire.bind(("127.0.0.1", args.port))
-    except (UsageError, json.JSONDecodeError, OSError, OverflowError) as error:
+    except (UsageError, json.JSONDecodeError, OverflowError) as error:
         return refuse(error)
+    except OSError as error:
+        return refuse(UsageError(f"UDP port {args.port}: {error.strerror}; give another --port"))
     with wire, contextlib.suppress(KeyboardInterrupt):
         ended = lifeline(args)
         announce(port=wire.getsockname()[1])
