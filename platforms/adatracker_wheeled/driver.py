@@ -19,8 +19,6 @@ logging.getLogger("can").addHandler(logging.NullHandler())  # errors are raised;
 
 ANSWER_TIMEOUT_S = 1.5
 """For a socketcand to answer; python-can would try for 10 s to connect, and wait for ever for an answer."""
-_ATTEMPTS = 5
-"""On a busy bus python-can takes a frame right behind socketcand's last answer for a wrong answer."""
 _SET_ELSEWHERE = ("socketcan", "socketcand", "virtual")
 """Interfaces whose bit rate this side has no say in."""
 
@@ -59,18 +57,21 @@ def line_of(error: Exception) -> str:
 
 
 def _open(connection: Connection) -> Any:
-    interface, options = connection.interface, {}
-    if interface == "socketcand":
+    options: dict[str, Any] = {}
+    if connection.interface == "socketcand":
         options = {"host": connection.host, "port": connection.port, "tcp_tune": True}
-    elif interface not in _SET_ELSEWHERE:
+    elif connection.interface not in _SET_ELSEWHERE:
         options = {"bitrate": connection.bitrate}
-    for attempt in range(_ATTEMPTS):
+    deadline_s = time.monotonic() + ANSWER_TIMEOUT_S
+    while True:
         try:
-            return can.Bus(interface=interface, channel=connection.channel, ignore_config=True, **options)
+            return can.Bus(
+                interface=connection.interface, channel=connection.channel, ignore_config=True, **options
+            )
         except can.CanError:
-            if interface != "socketcand" or attempt == _ATTEMPTS - 1:
+            # On a busy bus python-can takes a frame right behind socketcand's last answer for a wrong answer.
+            if connection.interface != "socketcand" or time.monotonic() > deadline_s:
                 raise
-    raise AssertionError("the last attempt returns or raises")
 
 
 def _check_interface(interface: str) -> None:

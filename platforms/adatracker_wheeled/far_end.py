@@ -8,7 +8,6 @@ import time
 from collections import deque
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.runtime.pacer import Pacer
 from adatracker_deploy.world.rehearsal import Rehearsal
 from adatracker_wheeled.base import Base
 from adatracker_wheeled.body import WheeledBody
@@ -22,9 +21,11 @@ if TYPE_CHECKING:
     from adatracker_wheeled.roles import Roles
     from adatracker_wheeled.settings import SitlSettings
 
-RATE_HZ = 100.0
-"""How often the base looks at what came in and moves on."""
-LONGEST_STEP_S = 0.05
+STEP_S = 0.01
+"""Of the body and of its controller."""
+BATCH_S = 0.004
+"""Machine time between two looks at what came in; a fast rehearsal makes several steps in it."""
+LONGEST_LAG_S = 0.25
 """A process that was kept from running for longer skips the time instead of rushing through it."""
 LINGER_S = 10.0
 """After its lifeline has ended the base has so long, in machine time, to come to rest."""
@@ -72,24 +73,30 @@ class FarEnd:
             send: puts one frame on the base's bus.
             ended: the lifeline has.
         """
-        pacer = Pacer(self._clock, RATE_HZ)
-        last_ns = power_on_ns = self._clock.now_ns()
+        clock, longest_ns = self._clock, round(LONGEST_LAG_S * self._clock.speed * 1e9)
+        batch_ns = round(max(STEP_S, BATCH_S * clock.speed) * 1e9)
+        power_on_ns = last_ns = deadline_ns = clock.now_ns()
         give_up_s = math.inf
         while True:
-            now_ns = pacer.wait().t_ns
-            dt_s, last_ns = min((now_ns - last_ns) / 1e9, LONGEST_STEP_S), now_ns
-            for frame in self._advance((now_ns - power_on_ns) / 1e9, dt_s):
+            deadline_ns = max(deadline_ns + batch_ns, clock.now_ns())
+            clock.sleep_until(deadline_ns)
+            now_ns = clock.now_ns()
+            elapsed_s = min(now_ns - last_ns, longest_ns) / 1e9
+            last_ns = now_ns
+            for frame in self._advance((now_ns - power_on_ns) / 1e9, elapsed_s):
                 send(frame)
             if ended.is_set():
                 give_up_s = min(give_up_s, time.monotonic() + LINGER_S)
                 if self._at_rest or time.monotonic() > give_up_s:
                     return
 
-    def _advance(self, now_s: float, dt_s: float) -> tuple[CanFrame, ...]:
+    def _advance(self, now_s: float, elapsed_s: float) -> tuple[CanFrame, ...]:
         """Hear, move and tell."""
         while self._unread:
             self.base.receive(self._unread.popleft(), now_s)
-        self.rehearsal.step(self.base.demand(now_s), dt_s)
+        steps = math.ceil(elapsed_s / STEP_S)
+        for _ in range(steps):
+            self.rehearsal.step(self.base.demand(now_s), elapsed_s / steps)
         return self.base.transmit(self.body.measured, self.body.wheels_m, now_s)
 
     @property

@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.platform import ZERO, Body, Check, Platform, PlatformState, Sitl, Twist
+from adatracker_deploy.platform import Body, Check, Platform, PlatformState, Sitl, Twist
 from adatracker_wheeled.connection import Connection
-from adatracker_wheeled.hearing import Heard, Trouble, unfit
+from adatracker_wheeled.engaging import enable
+from adatracker_wheeled.hearing import Heard, Trouble
 from adatracker_wheeled.helm import Helm
 from adatracker_wheeled.preflight import (
     battery_check,
@@ -24,16 +25,12 @@ from adatracker_wheeled.preflight import (
     timeout_check,
 )
 from adatracker_wheeled.settings import SitlSettings
-from adatracker_wheeled.transmitter import ZEROS
 from adatracker_wheeled.wire import Wire
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from adatracker_deploy.profile import Profile
     from adatracker_deploy.runtime.clock import Clock
 
-_TICK_NS = 20_000_000
 _REST_TIMEOUT_S = 3.0
 _REST_M_S, _REST_RAD_S = 0.05, 0.1
 """Measured motion below both is rest."""
@@ -73,7 +70,7 @@ class WheeledPlatform(Platform):
                 return
             wire = Wire(self._connection, self.profile.limits, self.clock, self._watch)
             try:
-                self._hear_state(wire)
+                wire.hear_state(self._refuse_when_closing)
             except PlatformError:
                 wire.close()
                 raise
@@ -83,9 +80,9 @@ class WheeledPlatform(Platform):
         """Wait for a first motion and charge, then judge what the base says of itself."""
         with self._turn:
             wire = self._connected()
-            self._wait(wire, lambda heard: heard.motion_t_ns > 0, self._timing.feedback_timeout_s)
+            wire.wait(lambda heard: heard.motion_t_ns > 0, self._timing.feedback_timeout_s)
             if self._connection.roles.battery and self._connection.min_battery:
-                self._wait(wire, lambda heard: heard.battery is not None, 1.5 * self._timing.battery_period_s)
+                wire.wait(lambda heard: heard.battery is not None, 1.5 * self._timing.battery_period_s)
             return (
                 *status_checks(wire.heard, self._timing, self.clock.now_ns(), self.clock.speed),
                 battery_check(wire.heard.battery, self._connection.min_battery),
@@ -111,8 +108,9 @@ class WheeledPlatform(Platform):
             try:
                 if wire.lost:
                     wire.reopen()
-                    self._hear_state(wire)
-                self._enable(wire)
+                    wire.hear_state(self._helm.require_consent)
+                enable(wire, self._helm, self._connection, self.clock)
+                self._sent_ns = 0
             except PlatformError as error:
                 self._helm.withdraw(str(error))
                 raise
@@ -173,7 +171,7 @@ class WheeledPlatform(Platform):
             def stands(heard: Heard) -> bool:
                 return heard.motion_t_ns > asked_ns and _at_rest(heard.motion)
 
-            if not self._wait(wire, stands, _REST_TIMEOUT_S, self._refuse_when_closing):
+            if not wire.wait(stands, _REST_TIMEOUT_S, self._refuse_when_closing):
                 raise PlatformError(
                     f"the base was not seen to stand {_REST_TIMEOUT_S:g} s after the stop: "
                     "press its emergency stop"
@@ -221,58 +219,6 @@ class WheeledPlatform(Platform):
             return Trouble(f"no command for {silent_s:.2f} s: the base has stopped by itself")
         return wire.trouble(now_ns)
 
-    def _hear_state(self, wire: Wire) -> None:
-        """Wait for the first state on a bus that was just opened."""
-        timeout_s = self._connection.silence_timeout_s
-        if not self._wait(wire, lambda heard: heard.status is not None, timeout_s, self._refuse_when_closing):
-            raise PlatformError(
-                f"no state from the base within {timeout_s:g} s: {wire.lost or wire.ear.explain_silence()}"
-            )
-
-    def _enable(self, wire: Wire) -> None:
-        """Bring a base that is fit into command mode, at zero speed."""
-
-        def still() -> None:
-            with self._helm.lock:
-                self._refuse_unfit(wire)
-                self._helm.require_consent()
-                wire.command(ZERO, self.clock.now_ns())
-
-        begun_ns = self.clock.now_ns()
-        self._wait(
-            wire,
-            lambda heard: heard.status_t_ns > begun_ns,
-            self._timing.state_timeout_s,
-            self._helm.require_consent,
-        )
-        self._refuse_unfit(wire)
-        self._helm.take_charge()
-        for _ in range(ZEROS):
-            still()
-            self.clock.sleep_until(self.clock.now_ns() + _TICK_NS)
-        asked_ns = self.clock.now_ns()
-        with self._helm.lock:
-            self._helm.require_consent()
-            wire.say((*wire.codec.enable(), *wire.codec.release_brake()))
-
-        def obeys(heard: Heard) -> bool:
-            return heard.status_t_ns > asked_ns and wire.trouble(self.clock.now_ns()) is None
-
-        if not self._wait(wire, obeys, self._connection.engage_timeout_s, still):
-            found = wire.trouble(self.clock.now_ns())
-            raise PlatformError(
-                f"the base did not obey within {self._connection.engage_timeout_s:g} s: "
-                f"{found.reason if found else 'it said nothing new'}"
-            )
-        self._sent_ns = 0
-        self._helm.engage()
-
-    def _refuse_unfit(self, wire: Wire) -> None:
-        found = unfit(wire.heard.status) if wire.heard.status else None
-        self._helm.heed(found)
-        if found is not None:
-            raise PlatformError(found.reason)
-
     def _disable(self, wire: Wire) -> None:
         """Let the zeros out, then give the base back; at the end it is in nobody's charge."""
         wire.finish()
@@ -295,26 +241,6 @@ class WheeledPlatform(Platform):
     def _refuse_when_closing(self) -> None:
         if self._closing:
             raise PlatformError("the connection is being closed")
-
-    def _wait(
-        self,
-        wire: Wire,
-        condition: Callable[[Heard], bool],
-        timeout_s: float,
-        meanwhile: Callable[[], None] = lambda: None,
-    ) -> bool:
-        """Do something at 50 Hz until the base meets `condition`; return whether it did in time.
-
-        The time-out is in machine time: a base is no more patient in a fast rehearsal.
-        """
-        deadline_ns = self.clock.now_ns() + round(timeout_s * self.clock.speed * 1e9)
-        while not condition(wire.heard):
-            meanwhile()
-            now_ns = self.clock.now_ns()
-            if wire.lost or now_ns > deadline_ns:
-                return False
-            self.clock.sleep_until(now_ns + _TICK_NS)
-        return True
 
 
 def _at_rest(motion: Twist | None) -> bool:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from adatracker_wheeled.connection import Connection
     from adatracker_wheeled.protocol import CanFrame
 
+_TICK_NS = 20_000_000
 _LAST_WORDS_S = 0.2
 """Three zeros 20 ms apart, with room."""
 
@@ -120,6 +121,36 @@ class Wire:
         self._bus.close()
         self.ear.forget()
         self._bus = Bus.open(self._connection, self._hear)
+
+    def hear_state(self, meanwhile: Callable[[], None]) -> None:
+        """Wait for the base's first state on a bus that was just opened.
+
+        Raises:
+            PlatformError: none came within `silence_timeout_s`; says what is known of why.
+        """
+        timeout_s = self._connection.silence_timeout_s
+        if not self.wait(lambda heard: heard.status is not None, timeout_s, meanwhile):
+            why = self.lost or self.ear.explain_silence()
+            raise PlatformError(f"no state from the base within {timeout_s:g} s: {why}")
+
+    def wait(
+        self,
+        condition: Callable[[Heard], bool],
+        timeout_s: float,
+        meanwhile: Callable[[], None] = lambda: None,
+    ) -> bool:
+        """Do something at 50 Hz until the base meets `condition`; return whether it did in time.
+
+        The time-out is in machine time: a base is no more patient in a fast rehearsal.
+        """
+        deadline_ns = self._clock.now_ns() + round(timeout_s * self._clock.speed * 1e9)
+        while not condition(self.heard):
+            meanwhile()
+            now_ns = self._clock.now_ns()
+            if self.lost or now_ns > deadline_ns:
+                return False
+            self._clock.sleep_until(now_ns + _TICK_NS)
+        return True
 
     def close(self) -> None:
         """End both threads and release the device."""

@@ -1,10 +1,13 @@
 """The promises of every platform: over a virtual bus in one process, and over socketcand to another."""
 
-import pytest
+import dataclasses
 
+import pytest
+from wheeled_rig import InProcess, base_profile
+
+from adatracker_deploy.profile import load_profile
 from adatracker_deploy.testing.conformance import PlatformConformance
 from adatracker_wheeled.platform import WheeledPlatform
-from wheeled_rig import InProcess, base_profile
 
 
 class OnAVirtualBus(WheeledPlatform):
@@ -40,4 +43,11 @@ class TestScoutV1OnAVirtualBus(TestScoutOnAVirtualBus):
 @pytest.mark.slow
 class TestScoutInSitl(PlatformConformance):
     platform_class = WheeledPlatform
-    clock_speed = 5.0
+    clock_speed = 2.0
+
+    @pytest.fixture(scope="class")
+    @classmethod
+    def profile(cls):
+        """Draw seldom: nobody watches, and on a busy machine it takes the time of all the rest."""
+        profile = load_profile("scout", WheeledPlatform)
+        return dataclasses.replace(profile, camera=dataclasses.replace(profile.camera, rate_hz=1.0))
