@@ -47,6 +47,15 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     )
     parser.add_argument("--latex", type=Path, metavar="FILE", help="write the paper's table")
     parser.add_argument("--picture", type=Path, metavar="PNG", help="draw heat maps")
+    parser.add_argument(
+        "--context",
+        type=Path,
+        metavar="PNG",
+        help="instead of the grid: draw z of 16 x N bodies of the deploy recipe, and what it tells of them",
+    )
+    parser.add_argument(
+        "--swap", action="store_true", help="with --context: what it costs to be handed another body's z"
+    )
     parser.add_argument("--json", action="store_true", help="one JSON object as the only line of stdout")
     parser.set_defaults(run=run)
 
@@ -60,14 +69,16 @@ def run(args: argparse.Namespace) -> int:
     """
     if args.workers < 1:
         raise UsageError(f"--workers: {args.workers} is out of range, at least 1")
+    if args.swap and args.context is None:
+        raise UsageError("--swap belongs to --context PNG")
     signal.signal(signal.SIGTERM, _interrupt)
-    return _grid(args)
+    return _grid(args) if args.context is None else _context(args)
 
 
 def _grid(args: argparse.Namespace) -> int:
     from adatracker_deploy.cli.counting import counted
+    from adatracker_deploy.evaluation.drawing import check_drawing
     from adatracker_deploy.evaluation.grid import Grid, policy_labels
-    from adatracker_deploy.evaluation.picture import check_drawing
     from adatracker_deploy.evaluation.play import play_all
 
     grid = Grid(
@@ -107,6 +118,7 @@ def _show(
     """Print and write what was played."""
     from rich.console import Console
 
+    from adatracker_deploy.evaluation.drawing import write_figure
     from adatracker_deploy.evaluation.latex import latex_table
     from adatracker_deploy.evaluation.picture import grid_picture
     from adatracker_deploy.evaluation.record import grid_record
@@ -122,7 +134,38 @@ def _show(
     if args.latex is not None:
         _write(args.latex, latex_table(grid, scores))
     if args.picture is not None:
-        grid_picture(grid, scores).savefig(args.picture)
+        write_figure(grid_picture(grid, scores), args.picture)
+
+
+def _context(args: argparse.Namespace) -> int:
+    from rich.console import Console
+
+    from adatracker_deploy.cli.counting import counted
+    from adatracker_deploy.evaluation.context_study import study_context
+    from adatracker_deploy.evaluation.context_view import context_picture, context_table
+    from adatracker_deploy.evaluation.drawing import check_drawing, write_figure
+    from adatracker_deploy.evaluation.grid import CELLS, policy_labels
+    from adatracker_deploy.evaluation.play import play_all
+
+    if args.policy is None or len(args.policy) != 1:
+        raise UsageError("--context studies one policy: name it with --policy")
+    if args.latex is not None or args.picture is not None:
+        raise UsageError("--latex and --picture are of the grid, which --context replaces")
+    check_drawing(args.context)
+    ((policy, name),) = policy_labels(tuple(args.policy)).items()
+    study = study_context(
+        policy,
+        lambda episodes: counted(play_all(episodes, args.workers), len(episodes), "episodes"),
+        bodies=len(CELLS) * args.episodes,
+        seed=args.seed,
+        steps=args.steps,
+        swap=args.swap,
+    )
+    Console(stderr=args.json).print(context_table(name, study))
+    write_figure(context_picture(name, study), args.context)
+    if args.json:
+        print(json.dumps({"policy": name, **study.record()}, allow_nan=False))
+    return 0
 
 
 def _write(path: Path, text: str) -> None:

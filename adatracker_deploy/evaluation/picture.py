@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import importlib.util
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from adatracker_deploy.errors import UsageError
 from adatracker_deploy.evaluation.grid import Cell
 from adatracker_deploy.evaluation.rows import Row, rows_of, triple_text
 from adatracker_deploy.learning.conditions import HEIGHTS_M, TARGET_SPEEDS_M_S
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -27,20 +24,6 @@ _PANELS_A_ROW = 3
 _COLOURS = "YlGnBu"
 _DARK = 0.55
 """From this share of the scale on, text is white."""
-
-
-def check_drawing(path: Path) -> None:
-    """Tell now, before hours of work, whether a picture can be written there.
-
-    Raises:
-        UsageError: matplotlib is not installed, the folder is not there, or the ending is not .png.
-    """
-    if importlib.util.find_spec("matplotlib") is None:
-        raise UsageError("pictures need matplotlib: pip install 'adatracker-deploy[train]'")
-    if path.suffix != ".png":
-        raise UsageError(f"{path}: name a picture that ends in .png")
-    if not path.parent.is_dir():
-        raise UsageError(f"{path}: there is no folder {path.parent}")
 
 
 def grid_picture(grid: Grid, scores: Sequence[PolicyScore]) -> Figure:

@@ -10,7 +10,7 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from adatracker_deploy.evaluation.grid import Cell
+from adatracker_deploy.evaluation.grid import CELLS, Cell
 from adatracker_deploy.evaluation.rows import Row, interval_text, rows_of, triple_text
 from adatracker_deploy.learning.conditions import HEIGHTS_M, TARGET_SPEEDS_M_S
 
@@ -28,7 +28,10 @@ def grid_table(
     grid: Grid, scores: Sequence[PolicyScore], differences: Sequence[Difference]
 ) -> RenderableType:
     """Draw AR/EL/SR by cell and overall, and differences between policies, with 95 % intervals."""
-    title = f"{grid.condition}, {grid.scene}: AR/EL/SR, {grid.episodes} episodes of {grid.steps} steps a cell"
+    played = sum(len(cell.episodes) for score in scores for cell in score.cells)
+    asked = grid.episodes * len(CELLS) * len(grid.policies)
+    part = "" if played == asked else f" ({played} of {asked} episodes)"
+    title = f"{grid.condition}, {grid.scene}: AR/EL/SR, {grid.episodes} x {grid.steps} steps a cell{part}"
     parts: list[RenderableType] = [Text(title, style="italic")]
     for row in rows_of(grid, scores):
         parts += [_heading(row), _cells(row)]
