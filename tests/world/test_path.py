@@ -8,7 +8,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from adatracker_deploy.geometry import wrap_angle
-from adatracker_deploy.world.path import BERTH_M, TURN_RATE_RAD_S, RandomWalk, SPath, Still, lap_course
+from adatracker_deploy.world.path import (
+    BERTH_M,
+    TURN_RATE_RAD_S,
+    Crosser,
+    RandomWalk,
+    SPath,
+    Still,
+    UTurnWalk,
+    lap_course,
+)
 from adatracker_deploy.world.scene import Lap
 from adatracker_deploy.world.scenes import build_scene, scene_names
 
@@ -80,6 +89,31 @@ def test_a_random_walk_stays_clear_turns_slowly_and_gets_about(name, seed, speed
         assert space.clearance(np.array([[walker.x, walker.y]]))[0] >= BERTH_M
         assert abs(wrap_angle(walker.heading - heading)) <= TURN_RATE_RAD_S * 0.1 + 1e-9
     assert walked >= 0.6 * speed * 20.0
+
+
+@settings(max_examples=10, deadline=None)
+@given(seed=SEEDS, speed=st.floats(0.5, 3.0))
+def test_somebody_who_turns_round_does_so_every_few_seconds_and_stays_clear(seed, speed):
+    space = scene("simple_room", seed).free_space(obstacles=True, inset_m=1.5)
+    x, y = space.push_out(0.0, 6.0, 1.0)
+    walker = UTurnWalk(x, y, 0.0, speed_m_s=speed, rng=np.random.default_rng(seed))
+    headings = []
+    for _ in range(1200):
+        walker.step(0.1, space.clearance)
+        headings.append(walker.heading)
+        assert space.clearance(np.array([[walker.x, walker.y]]))[0] >= BERTH_M
+    within_2_s = [abs(wrap_angle(b - a)) for a, b in zip(headings, headings[20:], strict=False)]
+    assert np.mean(np.array(within_2_s) > math.radians(140)) > 0.05
+
+
+def test_a_crosser_gets_between_an_eye_and_what_it_looks_at():
+    walker = Crosser(0.0, 4.0, 0.0, speed_m_s=1.0, rng=np.random.default_rng(0))
+    nearest = math.inf
+    for _ in range(600):
+        walker.meet((-1.25, 0.0), (1.25, 0.0), 0.1)
+        walker.step(0.1, everywhere)
+        nearest = min(nearest, math.hypot(walker.x, walker.y))
+    assert nearest < 0.6
 
 
 def test_a_walker_waits_for_what_stands_in_its_way_and_then_goes_on():

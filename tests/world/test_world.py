@@ -157,3 +157,20 @@ def test_truth_says_where_the_target_is():
     assert truth.bearing_rad == pytest.approx(0.3)
     assert truth.target_xy == world.target_xy
     assert not truth.collided
+
+
+def test_people_who_cross_hide_the_target_from_a_robot_more_often_than_others_do():
+    def hidden(crossing: int) -> int:
+        count = 0
+        for seed in range(4):
+            world = World(
+                "simple_room", seed=seed, path="still", others=2, crossing=crossing, obstacles=False
+            )
+            start = world.start
+            for _ in range(150):
+                world.step(0.2, start)
+                mask = world.render_mask(start @ Pose(z=1.0), math.pi / 2, 32, 32)
+                count += Box.of_mask(mask) is None or (mask[:, 14:18] == MaskClass.PERSON).any()
+        return count
+
+    assert hidden(crossing=2) > 2 * hidden(crossing=0)

@@ -10,7 +10,8 @@ import dataclasses
 import json
 import multiprocessing
 import os
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+import signal
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, as_completed, wait
 from typing import TYPE_CHECKING
 
 from adatracker_deploy.errors import UsageError
@@ -99,19 +100,28 @@ def _made(recipe: Recipe, out_dir: Path, seed: int, sizes: dict[int, int], worke
     if workers == 1 or len(jobs) <= 1:
         yield from (collect_shard(*job) for job in jobs)
         return
-    with _processes(min(workers, len(jobs))) as pool:
-        futures = [pool.submit(collect_shard, *job) for job in jobs]
-        try:
-            yield from (future.result() for future in as_completed(futures))
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
+    with _processes(workers) as pool:
+        # No more is handed out than is being worked on, so that an interrupt waits for no shard not yet begun.
+        under_way: set[Future[int]] = set()
+        for job in jobs:
+            if len(under_way) == workers:
+                finished, under_way = wait(under_way, return_when=FIRST_COMPLETED)
+                yield from (future.result() for future in finished)
+            under_way.add(pool.submit(collect_shard, *job))
+        yield from (future.result() for future in as_completed(under_way))
 
 
 def _processes(workers: int) -> Executor:
     # Read when a worker loads its linear algebra: threads that wait for each other on busy cores cost more
     # than they bring.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    return ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"))
+    # An interrupt is this process's affair: the workers finish their shards and are sent home.
+    return ProcessPoolExecutor(
+        workers,
+        mp_context=multiprocessing.get_context("spawn"),
+        initializer=signal.signal,
+        initargs=(signal.SIGINT, signal.SIG_IGN),
+    )
 
 
 def _is_done(path: Path, steps: int) -> bool:
