@@ -101,7 +101,7 @@ def _made(recipe: Recipe, out_dir: Path, seed: int, sizes: dict[int, int], worke
         yield from (collect_shard(*job) for job in jobs)
         return
     with _processes(workers) as pool:
-        # No more is handed out than is being worked on, so that an interrupt waits for no shard not yet begun.
+        # No more is handed out than is worked on: an interrupt waits for no shard that was not begun.
         under_way: set[Future[int]] = set()
         for job in jobs:
             if len(under_way) == workers:
