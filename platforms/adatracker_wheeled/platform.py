@@ -11,7 +11,7 @@ import threading
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.errors import PlatformError, UsageError
 from adatracker_deploy.platform import Body, Check, Platform, PlatformState, Sitl, Twist
 from adatracker_wheeled.connection import Connection
 from adatracker_wheeled.engaging import enable
@@ -111,7 +111,7 @@ class WheeledPlatform(Platform):
                     wire.hear_state(self._helm.require_consent)
                 enable(wire, self._helm, self._connection, self.clock)
                 self._sent_ns = 0
-            except PlatformError as error:
+            except (PlatformError, UsageError) as error:
                 self._helm.withdraw(str(error))
                 raise
 
