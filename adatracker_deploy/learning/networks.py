@@ -170,6 +170,24 @@ class Actor(nn.Module):
         return self.mean(x), self.log_std(x).clamp(-5.0, 2.0)
 
 
+class Critic(nn.Module):
+    """``Q_theta``: what an action is worth in a state; for training only.
+
+    Shapes as in the published Offline-EVT state dict: (H + A) -> 256 -> 256 -> 1.
+    """
+
+    def __init__(self, features: int, actions: int) -> None:
+        super().__init__()
+        self.mlp = nn.Sequential(
+            nn.Linear(features + actions, 256), nn.ReLU(), nn.Linear(256, 256), nn.ReLU(), nn.Linear(256, 1)
+        )
+
+    def forward(self, x: Tensor, action: Tensor) -> Tensor:
+        """Return (...,), of x (..., H) and action (..., A)."""
+        value: Tensor = self.mlp(torch.cat((x, action), dim=-1))
+        return value.squeeze(-1)
+
+
 class ContextPolicy(nn.Module):
     """``u_t = concat(CNN(m_t), z_t); x_t, (h_t, c_t) = LSTM(u_t, (h_{t-1}, c_{t-1}))``, and an actor on x_t.
 

@@ -1,0 +1,126 @@
+"""The networks as training runs them: over whole sequences, each mask encoded once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from adatracker_deploy.learning.checkpoint import ADATRACKER_MASK
+from adatracker_deploy.learning.networks import (
+    AdaTrackerConfig,
+    ContextEncoder,
+    ContextHeads,
+    ContextPolicy,
+    DynamicsHead,
+)
+from adatracker_deploy.policy.drawing import colour_table
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from adatracker_deploy.learning.data.dataset import Batch
+
+_COLOURS = torch.from_numpy(
+    (colour_table(ADATRACKER_MASK.palette, seed=0) * ADATRACKER_MASK.scale).astype(np.float32)
+)
+"""(4, C), by class: the same table as at deployment."""
+
+
+def drawn(classes: NDArray[np.uint8]) -> Tensor:
+    """Return class masks (..., S, S) as networks are shown them: (..., C, S, S), in memory channels last."""
+    return functional.embedding(torch.from_numpy(classes).int(), _COLOURS).movedim(-1, -3)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sequences:
+    """A `Batch` as tensors, its masks drawn; K steps of past before L steps."""
+
+    masks: Tensor
+    """(B, K + L, C, S, S)."""
+    actions: Tensor
+    """(B, K + L, A)."""
+    experts: Tensor
+    """(B, L, A)."""
+    rewards: Tensor
+    """(B, L)."""
+    done: Tensor
+    """(B, L), 0 or 1."""
+    valid: Tensor
+    """(B, L), 0 or 1."""
+    start: Tensor
+    """(B,), 0 or 1."""
+    height_m: Tensor
+    """(B,)."""
+    log_limits: Tensor
+    """(B, 3)."""
+    lag_s: Tensor
+    """(B,)."""
+    delay_s: Tensor
+    """(B,)."""
+
+    @classmethod
+    def of(cls, batch: Batch) -> Self:
+        """Return a batch on the CPU."""
+        plain = {
+            name: torch.from_numpy(np.asarray(getattr(batch, name), np.float32))
+            for name in cls.__dataclass_fields__
+            if name != "masks"
+        }
+        return cls(masks=drawn(batch.masks), **plain)
+
+    def to(self, device: torch.device) -> Self:
+        """Return the same on a device."""
+        moved = {name: getattr(self, name).to(device) for name in self.__dataclass_fields__}
+        return type(self)(**moved)
+
+
+@dataclass(frozen=True, slots=True)
+class Recalled:
+    """What the networks make of sequences."""
+
+    x: Tensor
+    """(B, L, H), the policy's recurrent feature."""
+    z: Tensor | None
+    """(B, L, Z), the contexts."""
+
+
+class Agent(nn.Module):
+    """Encoder, policy and the heads that only training needs; both look through one backbone.
+
+    One backbone for both halves the work of an update; a bundle's graphs carry a copy each.
+    """
+
+    def __init__(self, config: AdaTrackerConfig) -> None:
+        super().__init__()
+        self.config = config
+        self.policy = ContextPolicy(config)
+        self.encoder: ContextEncoder | None = None
+        self.heads: ContextHeads | None = None
+        self.dynamics: DynamicsHead | None = None
+        if config.context:
+            self.encoder = ContextEncoder(config)
+            self.encoder.backbone = self.policy.backbone
+            self.heads, self.dynamics = ContextHeads(config), DynamicsHead(config)
+        self.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+
+    def recall(self, sequences: Sequences) -> Recalled:
+        """Run over sequences; the policy's memory begins empty at their first step."""
+        features = self.policy.backbone.sequences(sequences.masks)
+        past = features.shape[1] - sequences.valid.shape[1]
+        z = None
+        if self.encoder is not None:
+            z = self._contexts(self.encoder, features, sequences.actions)
+        last_actions = sequences.actions[:, past - 1 : -1] if self.config.last_action else None
+        x, _ = self.policy.recall(features[:, past:], z, None, last_actions)
+        return Recalled(x, z)
+
+    def _contexts(self, encoder: ContextEncoder, features: Tensor, actions: Tensor) -> Tensor:
+        """Return z (B, L, Z): of each step, from the K pairs before it."""
+        pairs = torch.cat((features, actions), dim=-1)[:, :-1]
+        windows = pairs.unfold(1, self.config.history, 1).transpose(2, 3)
+        return encoder.summarise(windows.flatten(0, 1)).reshape(*windows.shape[:2], -1)

@@ -1,0 +1,229 @@
+"""One training run in one folder: rounds of updates, visits between them, snapshots to go on from.
+
+    training.pt   the latest snapshot       curves.csv     what the losses did
+    policy.pt     the policy as it stands   visited-N/     the data of DAgger's round N
+
+Every batch and every draw follows from the seed and the number of the update. So a run that was interrupted
+and resumed ends in the same weights, on the CPU to the bit, as one that was not.
+"""
+
+from __future__ import annotations
+
+import shutil
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.learning.data.dataset import Dataset
+from adatracker_deploy.learning.data.recipe import load_recipe
+from adatracker_deploy.learning.data.visit import collect_visited
+from adatracker_deploy.learning.train.agent import Agent, Sequences
+from adatracker_deploy.learning.train.curves import Curves
+from adatracker_deploy.learning.train.dagger import Dagger
+from adatracker_deploy.learning.train.method import Learner
+from adatracker_deploy.learning.train.settings import TrainSettings
+from adatracker_deploy.learning.train.snapshot import (
+    SNAPSHOT_NAME,
+    Snapshot,
+    check_same_run,
+    read_snapshot,
+    write_policy,
+    write_snapshot,
+)
+
+SNAPSHOT_EVERY_S = 120.0
+
+Say = Callable[[str], None]
+"""Told in a line what happens now."""
+Tell = Callable[[int, float], None]
+"""Told, after an update, how many were made and the last loss."""
+
+
+def train(
+    settings: TrainSettings,
+    data: list[Path],
+    out: Path,
+    *,
+    resume: bool = False,
+    device: str = "cpu",
+    say: Say,
+    tell: Tell,
+) -> Path:
+    """Train until the last update and return the policy's checkpoint.
+
+    Args:
+        settings: of the run.
+        data: folders of shards to begin with.
+        out: the run's folder, made where it is missing.
+        resume: go on with the run in `out`.
+        device: where torch computes.
+        say: see `Say`.
+        tell: see `Tell`.
+
+    Raises:
+        UsageError: the folder holds a run and `resume` is off, or holds none and it is on; the settings or
+            the data are not that run's; the data cannot be read; no such device or recipe.
+        KeyboardInterrupt: the run was interrupted, and is saved.
+    """
+    if not resume and (out / SNAPSHOT_NAME).exists():
+        raise UsageError(f"{out}: holds a run; go on with it by --resume, or name another folder")
+    snapshot = read_snapshot(out) if resume else None
+    load_recipe(settings.recipe)
+    base = Dataset.open(data)
+    if snapshot is not None:
+        check_same_run(snapshot, settings, len(base), out)
+    learner = _learner(settings, device)
+    if snapshot is not None:
+        learner.load_state_dict(snapshot.learner)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"{out}: cannot be made: {error}") from error
+    run = _Run(settings, data, out, learner, update=snapshot.update if snapshot else 0, base=base)
+    run.all_rounds(say, tell)
+    return out / "policy.pt"
+
+
+def _learner(settings: TrainSettings, device: str) -> Learner:
+    torch.manual_seed(settings.seed)
+    agent = Agent(settings.config())
+    try:
+        agent.to(device)
+    except (RuntimeError, AssertionError) as error:
+        raise UsageError(f"device {device!r} cannot be used: {str(error).splitlines()[0]}") from error
+    agent.train()
+    if settings.method == "dagger":
+        return Dagger(agent, settings)
+    from adatracker_deploy.learning.train.cql_sac import CqlSac
+
+    return CqlSac(agent, settings)
+
+
+class _Run:
+    def __init__(
+        self,
+        settings: TrainSettings,
+        data: list[Path],
+        out: Path,
+        learner: Learner,
+        *,
+        update: int,
+        base: Dataset,
+    ) -> None:
+        self._settings = settings
+        self._data = data
+        self._out = out
+        self._learner = learner
+        self._update = update
+        self._dataset = base
+        self._base_steps = len(base)
+        self._saved_s = time.monotonic()
+
+    def all_rounds(self, say: Say, tell: Tell) -> None:
+        curves = Curves(self._out, self._update)
+        rounds = self._settings.rounds if self._settings.method == "dagger" else 0
+        try:
+            for number in range(rounds + 1):
+                end = self._settings.updates * (number + 1) // (rounds + 1)
+                if self._update >= end:
+                    continue
+                if number:
+                    self._visit_until(number, curves, say)
+                say(f"round {number} of {rounds}: {len(self._dataset)} steps of data, to update {end}")
+                self._improve(end, curves, tell)
+        finally:
+            curves.close()
+
+    def _visit_until(self, number: int, curves: Curves, say: Say) -> None:
+        """See that the data of all rounds up to this one are there and loaded."""
+        folders = [self._out / f"visited-{index}" for index in range(1, number + 1)]
+        if not folders[-1].exists():
+            say(f"round {number}: visiting {self._settings.round_steps} steps")
+            self._visit(number, folders[-1])
+        visited = Dataset.open([folders[-1]])
+        score = {"visited/reward": float(visited.steps.rewards.mean())}
+        score["visited/lost"] = float(visited.steps.done.sum() / len(visited.specs))
+        curves.write(self._update, score)
+        say(f"round {number}: reward {score['visited/reward']:.3f} a step, lost {score['visited/lost']:.1%}")
+        self._dataset = Dataset.open([*self._data, *folders])
+
+    def _visit(self, number: int, folder: Path) -> None:
+        from adatracker_deploy.learning.train.visitor import Visitor
+
+        unfinished = folder.with_name(f".{folder.name}")
+        shutil.rmtree(unfinished, ignore_errors=True)
+        seed = int(np.random.SeedSequence([self._settings.seed, number]).generate_state(1)[0])
+        collect_visited(
+            load_recipe(self._settings.recipe),
+            Visitor(self._learner.agent),
+            steps=self._settings.round_steps,
+            out_dir=unfinished,
+            seed=seed,
+        )
+        unfinished.rename(folder)
+
+    def _improve(self, end: int, curves: Curves, tell: Tell) -> None:
+        """Make updates until `end`; the next batch is prepared while torch computes."""
+        device = next(self._learner.agent.parameters()).device
+        with ThreadPoolExecutor(1) as ahead, _interruptible() as interrupted:
+            waiting = ahead.submit(self._sequences, self._update)
+            while self._update < end:
+                sequences = waiting.result().to(device)
+                waiting = ahead.submit(self._sequences, self._update + 1)
+                values = self._learner.update(sequences, self._update)
+                self._update += 1
+                curves.add(self._update, values)
+                tell(self._update, float(values["loss"]))
+                if interrupted.is_set():
+                    self._save()
+                    raise KeyboardInterrupt
+                if time.monotonic() - self._saved_s > SNAPSHOT_EVERY_S:
+                    self._save()
+        self._save()
+
+    def _sequences(self, update: int) -> Sequences:
+        rng = np.random.default_rng([self._settings.seed, update])
+        settings = self._settings
+        past = max(self._learner.agent.config.history, 1)  # the last action is in it
+        return Sequences.of(self._dataset.sample(rng, settings.batch, settings.length, past))
+
+    def _save(self) -> None:
+        write_snapshot(
+            self._out,
+            Snapshot(
+                settings=self._settings,
+                data_steps=self._base_steps,
+                update=self._update,
+                learner=self._learner.state_dict(),
+            ),
+        )
+        write_policy(self._out, self._learner.agent, self._settings, self._update)
+        self._saved_s = time.monotonic()
+
+
+@contextmanager
+def _interruptible() -> Iterator[threading.Event]:
+    """Turn Ctrl-C into an event, so that no update is cut in half; a second one interrupts at once."""
+    asked = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield asked
+        return
+
+    def ask(_signal: int, _frame: object) -> None:
+        if asked.is_set():
+            raise KeyboardInterrupt
+        asked.set()
+
+    before = signal.signal(signal.SIGINT, ask)
+    try:
+        yield asked
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -1,0 +1,47 @@
+"""What a training run is: its method, its variants, its length. Part of every snapshot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal
+
+from adatracker_deploy.learning.networks import AdaTrackerConfig
+from adatracker_deploy.schema import Range
+
+Method = Literal["dagger", "cql_sac"]
+Variant = Literal[
+    "no-identification", "no-dynamics", "no-consistency", "no-encoder", "no-lstm", "no-last-action"
+]
+
+BURN_IN = 8
+"""A sequence that begins amid its episode has no memory of what was before: its first steps do not count."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrainSettings:
+    """One run; equal settings and data give equal weights, on the CPU to the bit."""
+
+    recipe: str
+    """Name or path; what visited episodes are drawn from."""
+    method: Method = "dagger"
+    variants: tuple[Variant, ...] = ()
+    """What is left out: the identification task (reward, height and our dynamics head), that head alone, the
+    consistency task, the encoder, the policy's LSTM, the last action as an input of the policy."""
+    seed: Annotated[int, Range(0, 1 << 31)] = 0
+    updates: Annotated[int, Range(1, 10_000_000)] = 8000
+    rounds: Annotated[int, Range(0, 100)] = 3
+    """Of DAgger, after a first part of plain cloning; updates are spread evenly over all parts."""
+    round_steps: Annotated[int, Range(1, 100_000_000)] = 100_000
+    """Steps that are visited for each round."""
+    batch: Annotated[int, Range(1, 4096)] = 16
+    length: Annotated[int, Range(2, 1000)] = 48
+    """Of a sequence, steps."""
+    bfloat16: bool = False
+    """Pays where the processor multiplies such numbers itself (AMX, a GPU); elsewhere it is slower."""
+
+    def config(self) -> AdaTrackerConfig:
+        """Return the networks' sizes."""
+        config = AdaTrackerConfig(
+            last_action="no-last-action" not in self.variants, lstm="no-lstm" not in self.variants
+        )
+        return replace(config, history=0, context=0) if "no-encoder" in self.variants else config

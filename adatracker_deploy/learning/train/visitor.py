@@ -1,0 +1,66 @@
+"""The agent at the wheel in many episodes at once: DAgger's visits."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from adatracker_deploy.learning.train.agent import Agent, drawn
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from adatracker_deploy.learning.networks import LstmState
+
+
+class Visitor:
+    """A `BatchPolicy`: answers one step of E episodes, as a bundle would answer each alone."""
+
+    def __init__(self, agent: Agent) -> None:
+        self._agent = agent
+        self._device = next(agent.parameters()).device
+        with torch.no_grad():
+            config = agent.config
+            blank = torch.zeros(1, 1, config.channels, config.size, config.size, device=self._device)
+            self._blank = agent.policy.backbone.sequences(blank)
+        self._features = self._blank[:, 0]
+        self._pairs: Tensor | None = None
+        self._state: LstmState | None = None
+
+    @torch.no_grad()
+    def __call__(
+        self, masks: NDArray[np.uint8], last_actions: NDArray[np.float32], resets: NDArray[np.bool_]
+    ) -> NDArray[np.float32]:
+        """Return the actions (E, A); see `BatchPolicy`."""
+        policy, encoder = self._agent.policy, self._agent.encoder
+        last = torch.from_numpy(last_actions).to(self._device)
+        forget = torch.from_numpy(resets).to(self._device)
+        z = None
+        if encoder is not None:
+            z = encoder.summarise(self._remembered(last, forget))[:, None]
+        self._features = policy.backbone(drawn(masks).to(self._device))
+        if self._state is not None:
+            self._state = (
+                self._state[0].masked_fill(forget[None, :, None], 0.0),
+                self._state[1].masked_fill(forget[None, :, None], 0.0),
+            )
+        told = last[:, None] if self._agent.config.last_action else None
+        x, self._state = policy.recall(self._features[:, None], z, self._state, told)
+        mean, _ = policy.actor(x[:, 0])
+        actions: NDArray[np.float32] = torch.tanh(mean).cpu().numpy()
+        return actions
+
+    def _remembered(self, last: Tensor, forget: Tensor) -> Tensor:
+        """Return the K pairs (E, K, F + A) that z is made of, the step before's the newest."""
+        config, count = self._agent.config, len(last)
+        unknown = torch.zeros(1, 1, config.actions, device=self._device)
+        blank = torch.cat((self._blank, unknown), dim=-1)
+        if self._pairs is None:
+            self._pairs = blank.repeat(count, config.history, 1)
+        newest = torch.cat((self._features.expand(count, -1), last), dim=-1)
+        pairs = torch.cat((self._pairs[:, 1:], newest[:, None]), dim=1)
+        self._pairs = torch.where(forget[:, None, None], blank, pairs)
+        return self._pairs

@@ -1,0 +1,97 @@
+"""Training sees what deployment sees: one arithmetic over sequences, in visits and in an exported policy."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from adatracker_deploy.learning.checkpoint import ADATRACKER_MASK, AdaTracker
+from adatracker_deploy.learning.data.dataset import Batch
+from adatracker_deploy.learning.rollout import rollout
+from adatracker_deploy.learning.train.agent import Agent, Sequences, drawn
+from adatracker_deploy.learning.train.visitor import Visitor
+from adatracker_deploy.policy.drawing import MaskPainter
+from tests.learning import fresh
+
+STEPS = 20
+CONFIGS = {"whole": replace(fresh.CONFIG, size=64, last_action=True)} | {
+    name: replace(config, size=64) for name, config in fresh.VARIANTS.items()
+}
+
+
+def an_agent(config):
+    torch.manual_seed(5)
+    agent = Agent(config).eval()
+    with torch.no_grad():
+        for weight in agent.parameters():
+            weight.mul_(2.0)
+    return agent
+
+
+def classes(*shape, seed=0):
+    coarse = np.random.default_rng(seed).integers(0, 4, (*shape, 8, 8), dtype=np.uint8)
+    return coarse.repeat(8, axis=-1).repeat(8, axis=-2)
+
+
+def batch_of(masks, actions, past):
+    """Return whole episodes from their start, (B, L, ...), as a data set would."""
+    count, length = masks.shape[:2]
+    before = ((0, 0), (past, 0))
+    blank = np.zeros((count, length), np.float32)
+    body = np.zeros(count, np.float32)
+    return Batch(
+        masks=np.pad(masks, (*before, (0, 0), (0, 0))),
+        actions=np.pad(actions, (*before, (0, 0))),
+        experts=np.zeros_like(actions),
+        rewards=blank,
+        visible=blank > 0,
+        done=blank > 0,
+        valid=blank == 0,
+        start=body == 0,
+        height_m=body,
+        log_limits=np.zeros((count, 3), np.float32),
+        lag_s=body,
+        delay_s=body,
+    )
+
+
+def test_classes_are_drawn_as_at_deployment():
+    masks = classes(3)
+    painter = MaskPainter(ADATRACKER_MASK)
+    np.testing.assert_array_equal(drawn(masks).numpy(), [painter.paint(mask).copy() for mask in masks])
+    assert set(np.unique(drawn(masks))) == {0.0, 1.0}
+
+
+@pytest.mark.parametrize("name", CONFIGS)
+def test_a_visit_answers_as_the_exported_policy_and_as_training_sees_the_sequence(name):
+    config = CONFIGS[name]
+    agent = an_agent(config)
+    masks = classes(STEPS)
+    wanted = rollout(AdaTracker(agent.encoder, agent.policy, fresh.META), drawn(masks).numpy())["action"]
+    visitor, last = Visitor(agent), np.zeros((1, 2), np.float32)
+    for tick, mask in enumerate(masks):
+        last = visitor(mask[None], last, np.array([tick == 0]))
+        np.testing.assert_allclose(last[0], wanted[tick], atol=1e-4)
+    sequences = Sequences.of(batch_of(masks[None], wanted[None], past=max(config.history, 1)))
+    with torch.no_grad():
+        mean, _ = agent.policy.actor(agent.recall(sequences).x)
+    np.testing.assert_allclose(torch.tanh(mean[0]), wanted, atol=1e-4)
+
+
+def test_a_new_episode_begins_as_the_first_did_and_leaves_the_others_alone():
+    visitor = Visitor(an_agent(CONFIGS["whole"]))
+    masks, none = classes(STEPS, 2), np.zeros((2, 2), np.float32)
+    first = [visitor(pair, none, np.full(2, tick == 0)) for tick, pair in enumerate(masks)]
+    again = [
+        visitor(pair[::-1].copy(), none, np.array([tick == 0, False])) for tick, pair in enumerate(masks)
+    ]
+    np.testing.assert_allclose([a[0] for a in again], [a[1] for a in first], atol=1e-5)
+    assert not np.allclose([a[1] for a in again], [a[0] for a in first], atol=1e-3)
+
+
+def test_both_networks_of_an_agent_look_through_one_backbone():
+    agent = Agent(CONFIGS["whole"])
+    assert agent.encoder.backbone is agent.policy.backbone
