@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
     from adatracker_deploy.runtime.clock import Clock
 
+_SLACK = 0.25
+"""Of a period: the next command may be so late, for a repeat just before it would hold it up."""
 ZEROS = 3
 """How often zero is said at a stop; one frame can be lost."""
 
@@ -146,7 +148,8 @@ class Transmitter:
                     self._changed.wait()
                     continue
                 self._put(twist)
-                self._last_ns, self._due_ns = now_ns, now_ns + self._period_ns
+                slack_ns = 0 if self._stream.twist is None else round(_SLACK * self._period_ns)
+                self._last_ns, self._due_ns = now_ns, now_ns + self._period_ns + slack_ns
 
     def _put(self, twist: Twist) -> None:
         try:
