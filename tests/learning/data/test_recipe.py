@@ -42,7 +42,8 @@ def test_a_deploy_body_is_faster_than_whom_it_follows_and_repeats_by_seed(seed):
 
 
 def test_the_deploy_recipe_spans_the_papers_grid():
-    specs = [load_recipe("deploy").draw(seed) for seed in range(2000)]
+    recipe = load_recipe("deploy")
+    specs = [recipe.draw(seed) for seed in range(2000)]
     heights = np.array([spec.embodiment.height_m for spec in specs])
     speeds = np.array([spec.target_speed_m_s for spec in specs])
     for low, high in ((0.2, 0.4), (0.9, 1.1), (1.6, 1.8), (2.8, 3.2)):
