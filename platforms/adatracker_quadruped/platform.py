@@ -13,25 +13,18 @@ from adatracker_deploy.platform import ZERO, Body, Check, Platform, PlatformStat
 from adatracker_quadruped.camera_topic import with_camera
 from adatracker_quadruped.connection import Connection
 from adatracker_quadruped.keys import Keys
-from adatracker_quadruped.preflight import Heard, judge
+from adatracker_quadruped.preflight import judge
 from adatracker_quadruped.settings import SitlSettings
+from adatracker_quadruped.survey import survey, until
 from adatracker_quadruped.wire import Wire
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from adatracker_deploy.perception.camera import Camera
     from adatracker_deploy.profile import Profile
     from adatracker_deploy.runtime.clock import Clock
-    from adatracker_quadruped.watch import Watch
 
-_LISTEN_S = 0.5
-"""How long a preflight counts the odometry at least."""
-_COMPLETE_S = 2.0
-"""And waits at most for a charge, which is told once a second, an attitude and an image."""
 _ZEROS = 3
 _ZERO_PERIOD_S = 0.02
-_POLL_S = 0.01
 _LONGEST_REASON = 95
 
 
@@ -73,7 +66,7 @@ class QuadrupedPlatform(Platform):
                 return
             deadline_s = time.monotonic() + self._connection.connect_timeout_s
             wire = Wire(self._connection, self.clock)
-            if not _until(lambda: wire.watch.odometry.newest is not None, deadline_s):
+            if not until(lambda: wire.watch.odometry.newest is not None, deadline_s):
                 dropped = wire.watch.odometry.dropped
                 wire.close()
                 raise PlatformError(
@@ -86,8 +79,10 @@ class QuadrupedPlatform(Platform):
 
     def preflight(self) -> tuple[Check, ...]:
         """Listen for half a second, two at most, and judge what was heard."""
+        carries_camera = self.profile.camera.uri.startswith(ROBOT)
+        camera_key = Keys(with_camera(self.profile)).camera if carries_camera else ""
         with self._opening:
-            return judge(self._hear(self._connected()), self._connection)
+            return judge(survey(self._connected(), camera_key), self._connection)
 
     def engage(self) -> None:
         """Accept commands from now on.
@@ -195,29 +190,6 @@ class QuadrupedPlatform(Platform):
 
         return QuadrupedSitl(profile)
 
-    def _hear(self, wire: Wire) -> Heard:
-        watch = wire.watch
-        carries_camera = self.profile.camera.uri.startswith(ROBOT)
-        camera_key = Keys(with_camera(self.profile)).camera if carries_camera else ""
-        began_s, before = time.monotonic(), watch.odometry.newest
-        camera_heard = bool(camera_key) and wire.hears(camera_key, _COMPLETE_S)
-        taps = [tap for tap in (watch.odometry, watch.imu, watch.battery) if tap is not None]
-        _until(lambda: all(tap.newest is not None for tap in taps), began_s + _COMPLETE_S)
-        _until(lambda: time.monotonic() > began_s + _LISTEN_S, began_s + _COMPLETE_S)
-        after, listened_s = watch.odometry.newest, time.monotonic() - began_s
-        return Heard(
-            command_key=wire.commander.key,
-            matched=wire.commander.matched,
-            has_rival=wire.has_rival,
-            trouble=watch.trouble(),
-            odometry_hz=(after.count - before.count) / listened_s if after and before else 0.0,
-            attitude=_attitude(watch),
-            battery=watch.battery.newest.value if watch.battery and watch.battery.newest else None,
-            camera_key=camera_key,
-            camera_heard=camera_heard,
-            dropped=sum(tap.dropped for tap in taps),
-        )
-
     def _connected(self) -> Wire:
         wire = self._wire
         if wire is None:
@@ -241,22 +213,3 @@ class QuadrupedPlatform(Platform):
                     return
                 wire.commander.walk(ZERO, time.time_ns())
             time.sleep(_ZERO_PERIOD_S)
-
-
-def _attitude(watch: Watch) -> tuple[float, float, float] | None:
-    """Return roll, pitch and yaw, rad, as the IMU says, or the odometry of a robot whose IMU is not named."""
-    if watch.imu is not None:
-        return watch.imu.newest.value.attitude if watch.imu.newest else None
-    odometry = watch.odometry.newest
-    return (
-        (odometry.value.pose.roll, odometry.value.pose.pitch, odometry.value.pose.yaw) if odometry else None
-    )
-
-
-def _until(condition: Callable[[], bool], deadline_s: float) -> bool:
-    """Wait for a condition until a machine's time; return whether it came to hold."""
-    while not condition():
-        if time.monotonic() > deadline_s:
-            return False
-        time.sleep(_POLL_S)
-    return True

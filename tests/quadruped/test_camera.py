@@ -3,6 +3,8 @@
 import contextlib
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from dataclasses import replace
@@ -274,3 +276,17 @@ def test_a_camera_can_be_closed_while_it_opens(rehearsal):
         camera.close()
         opening.join(6.0)
         assert not opening.is_alive()
+
+
+@pytest.mark.slow
+def test_a_camera_that_is_never_closed_lets_the_interpreter_end(rehearsal):
+    _, profile, _ = rehearsal
+    forgetful = (
+        "from adatracker_deploy.runtime.clock import MonotonicClock\n"
+        "from adatracker_quadruped.camera import ZenohCamera\n"
+        "from tests.quadruped.rehearsal import rehearsed\n"
+        f"camera = ZenohCamera(rehearsed(endpoint={profile.connection.endpoint!r}), MonotonicClock())\n"
+        "camera.open()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", forgetful], timeout=20, capture_output=True, check=False)
+    assert (done.returncode, done.stderr) == (0, b"")

@@ -1,5 +1,6 @@
 """What goes wrong on the robot's side or on the way: the host stops, says why, never resumes by itself."""
 
+import contextlib
 import os
 import re
 import signal
@@ -17,6 +18,7 @@ from adatracker_quadruped.messages import Odometry, encode_odometry
 from adatracker_quadruped.outlet import Outlet
 from adatracker_quadruped.platform import QuadrupedPlatform
 from adatracker_quadruped.sitl_keys import Fault
+from adatracker_quadruped.wire import Wire
 from tests.quadruped.rehearsal import (
     by_hand,
     connected,
@@ -102,6 +104,8 @@ def test_a_router_without_a_robot_is_said_within_two_seconds():
 def test_a_robot_that_stays_silent_is_said_within_two_seconds():
     with far_end() as (_, profile):
         goes_wrong(profile, Fault.SILENT)
+        with contextlib.closing(Wire(profile.connection, MonotonicClock())) as wire:
+            until(lambda: not wire.hears("odom", 0.2))
         begin = time.monotonic()
         with (
             QuadrupedPlatform(profile, MonotonicClock()) as platform,

@@ -2,6 +2,7 @@
 
 import contextlib
 import math
+import os
 import signal
 import subprocess
 import sys
@@ -9,7 +10,9 @@ import time
 
 import pytest
 
+from adatracker_deploy.platform import Twist
 from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_quadruped.commander import Commander
 from adatracker_quadruped.messages import decode_odometry
 from adatracker_quadruped.protocol import SMALL_CAP_BYTES
 from adatracker_quadruped.session import open_session
@@ -111,3 +114,24 @@ def test_a_frozen_hosts_backlog_moves_nothing():
             assert process.wait(8.0) != 0  # its own watch found that the odometry was old
             onlooker.stands_after(time.monotonic())
             print(f"host thawed: went {start.distance_to(onlooker.pose.x, onlooker.pose.y):.2f} m")
+
+
+def test_a_thawed_robots_backlog_moves_nothing():
+    with far_end() as (sitl, profile), open_session(profile.connection) as session:
+        onlooker, clock = Onlooker(session), MonotonicClock()
+        commander = Commander(session, profile.connection)
+        until(lambda: commander.matched)
+        start = onlooker.pose
+        os.kill(sitl.pid, signal.SIGSTOP)
+        for _ in range(30):  # for less than the lease, so that the link holds
+            commander.walk(Twist(vx=1.0), time.time_ns())
+            clock.sleep_until(clock.now_ns() + 20_000_000)
+        os.kill(sitl.pid, signal.SIGCONT)
+        clock.sleep_until(clock.now_ns() + 1_000_000_000)
+        assert start.distance_to(onlooker.pose.x, onlooker.pose.y) == 0.0
+
+        def walking():
+            commander.walk(Twist(vx=1.0), time.time_ns())
+            return onlooker.speed > 0.5
+
+        until(walking)  # it was not deaf for good

@@ -1,0 +1,67 @@
+"""Listens to a robot for as long as it takes to judge it."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+from adatracker_quadruped.preflight import Heard
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from adatracker_quadruped.watch import Watch
+    from adatracker_quadruped.wire import Wire
+
+_LISTEN_S = 0.5
+"""How long the odometry is counted at least."""
+_COMPLETE_S = 2.0
+"""How long a charge, which is told once a second, an attitude and an image are waited for at most."""
+_POLL_S = 0.01
+
+
+def survey(wire: Wire, camera_key: str) -> Heard:
+    """Return what is heard within two seconds, in half a second if everything is.
+
+    Args:
+        wire: open.
+        camera_key: where an image is listened for; empty for nowhere.
+    """
+    watch = wire.watch
+    taps = [tap for tap in (watch.odometry, watch.imu, watch.battery) if tap is not None]
+    began_s, before = time.monotonic(), watch.odometry.newest
+    camera_heard = bool(camera_key) and wire.hears(camera_key, _COMPLETE_S)
+    until(lambda: all(tap.newest is not None for tap in taps), began_s + _COMPLETE_S)
+    until(lambda: time.monotonic() > began_s + _LISTEN_S, began_s + _COMPLETE_S)
+    after, listened_s = watch.odometry.newest, time.monotonic() - began_s
+    return Heard(
+        command_key=wire.commander.key,
+        matched=wire.commander.matched,
+        has_rival=wire.has_rival,
+        trouble=watch.trouble(),
+        odometry_hz=(after.count - before.count) / listened_s if after and before else 0.0,
+        attitude=_attitude(watch),
+        battery=watch.battery.newest.value if watch.battery and watch.battery.newest else None,
+        camera_key=camera_key,
+        camera_heard=camera_heard,
+        dropped=sum(tap.dropped for tap in taps),
+    )
+
+
+def until(condition: Callable[[], bool], deadline_s: float) -> bool:
+    """Wait for a condition until a time of `time.monotonic`; return whether it came to hold."""
+    while not condition():
+        if time.monotonic() > deadline_s:
+            return False
+        time.sleep(_POLL_S)
+    return True
+
+
+def _attitude(watch: Watch) -> tuple[float, float, float] | None:
+    """Return roll, pitch and yaw, rad, as the IMU says, or the odometry of a robot whose IMU is not named."""
+    if watch.imu is not None:
+        return watch.imu.newest.value.attitude if watch.imu.newest else None
+    if watch.odometry.newest is None:
+        return None
+    pose = watch.odometry.newest.value.pose
+    return pose.roll, pose.pitch, pose.yaw
