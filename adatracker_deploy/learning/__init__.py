@@ -2,5 +2,5 @@
 
 Episodes: `embodiment`, `noise` and `episode_spec` say what one is, `conditions` which ones policies are
 compared on, `tracking` and `environment` step it, `expert` masters it, and `seeds` keeps training and
-evaluation apart. `data` collects and serves them. Policies: `networks`, `checkpoint`, and `export` to a bundle.
+evaluation apart. `data` collects and serves them. Policies: `networks`, `checkpoint`, and `export`.
 """
