@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 STALE_S = 0.3
 """An older command is dropped."""
+_MOST_SENDERS = 64
+"""A stranger who invents senders must not fill the memory."""
 
 
 class Intake:
@@ -67,7 +69,3 @@ class Intake:
         if len(self._sequences) >= _MOST_SENDERS:
             self._sequences.clear()
         self._sequences[sender] = sequence
-
-
-_MOST_SENDERS = 64
-"""A stranger who invents senders must not fill the memory."""
