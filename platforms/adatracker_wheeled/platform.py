@@ -109,8 +109,8 @@ class WheeledPlatform(Platform):
                 if wire.lost:
                     wire.reopen()
                     wire.hear_state(self._helm.require_consent)
-                enable(wire, self._helm, self._connection, self.clock)
                 self._sent_ns = 0
+                enable(wire, self._helm, self._connection, self.clock)
             except (PlatformError, UsageError) as error:
                 self._helm.withdraw(str(error))
                 raise
