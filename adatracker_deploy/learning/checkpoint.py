@@ -124,7 +124,7 @@ def load_checkpoint(path: Path) -> Checkpoint:
         UsageError: there is no such file, it needs more than tensors and plain values, it is of an unknown
             kind, or its weights do not fit its networks or are not finite.
     """
-    loaded = _load(path)
+    loaded = load_values(path)
     if isinstance(loaded, dict) and loaded.get("format") == FORMAT:
         return _adatracker(loaded, path)
     if isinstance(loaded, dict) and "CNN_LSTM.CNN_Simple.conv1.weight" in loaded:
@@ -135,7 +135,12 @@ def load_checkpoint(path: Path) -> Checkpoint:
     )
 
 
-def _load(path: Path) -> Any:
+def load_values(path: Path) -> Any:
+    """Read a file of tensors and plain values; nothing in it is run.
+
+    Raises:
+        UsageError: there is no such file, or it holds something else.
+    """
     if not path.is_file():
         raise UsageError(f"{path}: no such checkpoint file")
     try:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import pickle
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +11,12 @@ from typing import Any
 import torch
 
 from adatracker_deploy.errors import UsageError
-from adatracker_deploy.learning.checkpoint import ADATRACKER_MASK, CheckpointMeta, save_checkpoint
+from adatracker_deploy.learning.checkpoint import (
+    ADATRACKER_MASK,
+    CheckpointMeta,
+    load_values,
+    save_checkpoint,
+)
 from adatracker_deploy.learning.episode_spec import RATE_HZ
 from adatracker_deploy.learning.tracking import ACTION
 from adatracker_deploy.learning.train.agent import Agent
@@ -58,10 +62,7 @@ def read_snapshot(out: Path) -> Snapshot:
         raise UsageError(
             f"{out}: holds no {SNAPSHOT_NAME} to resume; leave out --resume to begin a run there"
         )
-    try:
-        content = torch.load(path, map_location="cpu", weights_only=True)
-    except (pickle.UnpicklingError, RuntimeError, OSError, EOFError, ValueError) as error:
-        raise UsageError(f"{path}: is damaged or no snapshot; begin a new run in another folder") from error
+    content = load_values(path)
     if not isinstance(content, dict) or content.get("format") != _FORMAT:
         raise UsageError(f"{path}: is no snapshot that this version reads ({_FORMAT})")
     return Snapshot(

@@ -1,0 +1,193 @@
+"""A run ends in the same weights however often it was interrupted, and refuses to go on as another one."""
+
+from __future__ import annotations
+
+import csv
+import os
+import signal
+from dataclasses import replace
+
+import pytest
+import torch
+
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.learning.checkpoint import load_checkpoint
+from adatracker_deploy.learning.data.collect import collect
+from adatracker_deploy.learning.data.recipe import load_recipe
+from adatracker_deploy.learning.train import run as training
+from adatracker_deploy.learning.train.run import train
+from adatracker_deploy.learning.train.settings import TrainSettings
+
+TINY = TrainSettings(recipe="paper", updates=6, rounds=1, round_steps=150, batch=2, length=20)
+METHODS = {"dagger": TINY, "cql_sac": replace(TINY, method="cql_sac")}
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("data")
+    collect(load_recipe("paper"), folder, steps=400, seed=3)
+    return [folder]
+
+
+def trained(settings, data, out, *, resume=False, interrupt_after=None):
+    """Run to the end, or press Ctrl-C after some update."""
+
+    def tell(update, _loss):
+        if update == interrupt_after:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    return train(settings, data, out, resume=resume, say=print, tell=tell)
+
+
+@pytest.fixture(scope="module", params=METHODS)
+def method(request):
+    return METHODS[request.param]
+
+
+@pytest.fixture(scope="module")
+def whole(method, data, tmp_path_factory):
+    out = tmp_path_factory.mktemp("run") / "whole"
+    trained(method, data, out)
+    return out
+
+
+def weights(out):
+    return torch.load(out / "policy.pt", weights_only=True)["state_dict"]
+
+
+def same(one, other):
+    return all(torch.equal(one[key], other[key]) for key in one | other)
+
+
+@pytest.mark.parametrize("update", [1, 3, 5])
+def test_interrupted_and_resumed_it_ends_in_the_same_weights_to_the_bit(
+    method, data, whole, tmp_path, update
+):
+    with pytest.raises(KeyboardInterrupt):
+        trained(method, data, tmp_path / "cut", interrupt_after=update)
+    trained(method, data, tmp_path / "cut", resume=True)
+    assert same(weights(whole), weights(tmp_path / "cut"))
+
+
+def test_another_seed_ends_in_other_weights(method, data, whole, tmp_path):
+    trained(replace(method, seed=1), data, tmp_path / "other")
+    assert not same(weights(whole), weights(tmp_path / "other"))
+
+
+def test_every_weight_that_acts_has_learned(method, data, whole, tmp_path):
+    begun = tmp_path / "begun"
+    with pytest.raises(KeyboardInterrupt):
+        trained(method, data, begun, interrupt_after=1)
+    # The deployed action does not depend on log_std; cloning leaves it.
+    still = {key for key, weight in weights(begun).items() if torch.equal(weight, weights(whole)[key])}
+    assert all("log_std" in key for key in still)
+
+
+def test_an_interrupted_visit_begins_again_and_changes_nothing(data, tmp_path, monkeypatch):
+    settings = METHODS["dagger"]
+    trained(settings, data, tmp_path / "whole")
+    visit = training.collect_visited
+
+    def cut_short(recipe, policy, *, steps, **rest):
+        visit(recipe, policy, steps=steps // 2, **rest)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(training, "collect_visited", cut_short)
+    with pytest.raises(KeyboardInterrupt):
+        trained(settings, data, tmp_path / "cut")
+    monkeypatch.undo()
+    assert not (tmp_path / "cut" / "visited-1").exists()
+    trained(settings, data, tmp_path / "cut", resume=True)
+    assert same(weights(tmp_path / "whole"), weights(tmp_path / "cut"))
+
+
+def test_resuming_a_finished_run_leaves_its_policy_as_it_is(method, data, whole):
+    before = (whole / "policy.pt").read_bytes()
+    trained(method, data, whole, resume=True)
+    assert (whole / "policy.pt").read_bytes() == before
+
+
+def test_its_policy_is_a_checkpoint_that_says_how_it_was_made(method, whole):
+    checkpoint = load_checkpoint(whole / "policy.pt")
+    assert checkpoint.policy.config == method.config()
+    assert f"{method.method}, recipe paper\n6 updates of 2 x 20 steps, seed 0" in checkpoint.meta.training
+
+
+def test_curves_hold_each_scalar_once_an_update_and_drop_what_was_lost(data, tmp_path, monkeypatch):
+    monkeypatch.setattr("adatracker_deploy.learning.train.curves.EVERY", 1)
+    with pytest.raises(KeyboardInterrupt):
+        trained(TINY, data, tmp_path / "cut", interrupt_after=2)
+    with (tmp_path / "cut" / "curves.csv").open("a") as file:
+        file.write("5,loss,9\n")  # of updates that were not saved
+    trained(TINY, data, tmp_path / "cut", resume=True)
+    with (tmp_path / "cut" / "curves.csv").open() as file:
+        rows = [(int(row["update"]), row["name"]) for row in csv.DictReader(file)]
+    losses = [update for update, name in rows if name == "loss"]
+    assert losses == list(range(1, TINY.updates + 1))
+    assert len(rows) == len(set(rows))
+    assert (3, "visited/reward") in rows
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"updates": 7}, "updates 6, not 7"),
+        ({"seed": 2}, "seed 0, not 2"),
+        ({"variants": ("no-encoder",)}, r"variants \(\), not \('no-encoder',\)"),
+        ({"method": "cql_sac"}, "method 'dagger', not 'cql_sac'"),
+    ],
+)
+def test_a_run_does_not_go_on_with_other_settings(data, tmp_path_factory, change, reason):
+    out = tmp_path_factory.getbasetemp() / "settings"
+    if not out.exists():
+        trained(TINY, data, out)
+    with pytest.raises(UsageError, match=reason):
+        trained(replace(TINY, **change), data, out, resume=True)
+
+
+def test_a_run_does_not_go_on_with_other_data(method, data, whole):
+    with pytest.raises(UsageError, match="began with 400 steps of data, not 800"):
+        trained(method, [*data, *data], whole, resume=True)
+
+
+def test_a_run_is_not_overwritten_and_nothing_is_not_resumed(method, data, whole, tmp_path):
+    with pytest.raises(UsageError, match="holds a run; go on with it by --resume"):
+        trained(method, data, whole)
+    with pytest.raises(UsageError, match="to resume"):
+        trained(method, data, tmp_path, resume=True)
+
+
+@pytest.mark.parametrize("content", [b"", b"junk", b"PK\x03\x04 cut short"])
+def test_a_damaged_snapshot_is_refused_in_one_line(data, tmp_path, content):
+    (tmp_path / "training.pt").write_bytes(content)
+    with pytest.raises(UsageError, match=r"training\.pt: ") as refused:
+        trained(TINY, data, tmp_path, resume=True)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_policy_is_no_snapshot(method, data, whole, tmp_path):
+    (tmp_path / "training.pt").write_bytes((whole / "policy.pt").read_bytes())
+    with pytest.raises(UsageError, match="no snapshot that this version reads"):
+        trained(method, data, tmp_path, resume=True)
+
+
+def test_no_data_and_no_such_device_are_refused(data, tmp_path):
+    with pytest.raises(UsageError, match="no shards in"):
+        trained(TINY, [tmp_path], tmp_path / "out")
+    with pytest.raises(UsageError, match="device 'warp' cannot be used"):
+        train(TINY, data, tmp_path / "out", device="warp", say=print, tell=print)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(
+    "variant",
+    ["no-identification", "no-dynamics", "no-consistency", "no-encoder", "no-lstm", "no-last-action"],
+)
+def test_every_variant_trains_and_differs_from_the_whole(data, tmp_path, variant, method):
+    settings = replace(METHODS[method], variants=(variant,), updates=2, rounds=0)
+    whole = trained(replace(settings, variants=()), data, tmp_path / "whole")
+    checkpoint, other = load_checkpoint(trained(settings, data, tmp_path / "a")), load_checkpoint(whole)
+    assert (checkpoint.encoder is None) is (variant == "no-encoder")
+    if checkpoint.policy.config == other.policy.config:
+        assert not torch.equal(checkpoint.encoder.to_context.weight, other.encoder.to_context.weight)
