@@ -7,6 +7,7 @@ import json
 import os
 import signal
 import time
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
@@ -97,8 +98,10 @@ def _grid(args: argparse.Namespace) -> int:
     finished: list[tuple[Episode, Played]] = []
     stopped: BaseException | None = None
     try:
-        for index, played in counted(play_all(plan, args.workers), len(plan), "episodes"):
-            finished.append((plan[index], played))
+        # Closed here and now: what is interrupted must not go on working while its results are shown.
+        with closing(play_all(plan, args.workers)) as playing:
+            for index, played in counted(playing, len(plan), "episodes"):
+                finished.append((plan[index], played))
     except (KeyboardInterrupt, PlatformError) as reason:
         stopped = reason
     if finished:

@@ -21,7 +21,7 @@ from adatracker_deploy.policy.base import to_twist
 from adatracker_deploy.policy.catalogue import load_policy
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Generator, Sequence
 
     from adatracker_deploy.learning.episode_spec import EpisodeSpec
     from adatracker_deploy.policy.base import Policy
@@ -85,8 +85,10 @@ def play(policy: Policy, episode: Episode) -> Played:
         seen = tick.observation
 
 
-def play_all(episodes: Sequence[Episode], workers: int = 1) -> Iterator[tuple[int, Played]]:
+def play_all(episodes: Sequence[Episode], workers: int = 1) -> Generator[tuple[int, Played], None, None]:
     """Play episodes; yield each one's place in `episodes` and what came of it, as soon as it is over.
+
+    Closed early, it waits for the episodes that are being played and begins no others.
 
     Args:
         episodes: begun in this order.

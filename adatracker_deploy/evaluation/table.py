@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from rich import box
 from rich.console import Group
 from rich.table import Table
 from rich.text import Text
@@ -54,10 +53,10 @@ def _heading(row: Row) -> Text:
 
 
 def _cells(row: Row) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), style="" if row.overall else "dim")
+    table = Table(box=None, padding=(0, 1, 0, 0), header_style="italic", style="" if row.overall else "dim")
     table.add_column("camera", justify="right", no_wrap=True)
     for speed_m_s in TARGET_SPEEDS_M_S:
-        table.add_column(f"{speed_m_s:g} m/s", justify="right", no_wrap=True, min_width=15)
+        table.add_column(f"{speed_m_s:g} m/s", justify="right", no_wrap=True, min_width=17)
     for height_m in HEIGHTS_M:
         cells = (Cell(height_m, speed_m_s) for speed_m_s in TARGET_SPEEDS_M_S)
         table.add_row(f"{height_m:g} m", *(_cell(row, cell) for cell in cells), style=table.style)
@@ -77,9 +76,10 @@ def _cell(row: Row, cell: Cell) -> str:
 
 
 def _table_of(differences: Sequence[Difference]) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table = Table(box=None, padding=(0, 1, 0, 0), header_style="italic")
     for column in ("policy", "less", "episodes", "AR", "EL", "SR"):
-        table.add_column(column, justify="left" if column in ("policy", "less") else "right")
+        is_name = column in ("policy", "less")
+        table.add_column(column, justify="left" if is_name else "right", no_wrap=not is_name)
     for each in differences:
         table.add_row(
             each.policy,
