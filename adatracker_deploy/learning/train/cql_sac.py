@@ -44,19 +44,23 @@ _CLIP = 1.0
 
 
 class CqlSac:
-    """Implements `Learner`."""
+    """Implements `Learner`.
+
+    Attributes:
+        critics: the twins.
+    """
 
     def __init__(self, agent: Agent, settings: TrainSettings) -> None:
         self.agent = agent
         self._settings = settings
         config = agent.config
         device = next(agent.parameters()).device
-        self._critics = nn.ModuleList(Critic(config.hidden, config.actions) for _ in range(2)).to(device)
-        self._targets = copy.deepcopy(self._critics).requires_grad_(False)
+        self.critics = nn.ModuleList(Critic(config.hidden, config.actions) for _ in range(2)).to(device)
+        self._targets = copy.deepcopy(self.critics).requires_grad_(False)
         self._log_alpha = torch.zeros((), device=device, requires_grad=True)
         actor = list(agent.policy.actor.parameters())
         rest = [weight for weight in agent.parameters() if all(weight is not own for own in actor)]
-        self._perception = [*rest, *self._critics.parameters()]
+        self._perception = [*rest, *self.critics.parameters()]
         self._critic_optimizer = torch.optim.Adam(self._perception, lr=_RATE)
         self._actor_optimizer = torch.optim.Adam(actor, lr=_ACTOR_RATE)
         self._alpha_optimizer = torch.optim.Adam([self._log_alpha], lr=_ACTOR_RATE)
@@ -89,7 +93,7 @@ class CqlSac:
             returns = steps.rewards + _DISCOUNT * (1 - steps.done) * (worth - alpha * log_probability)
             proposals = _proposals(actor, steps)
         bellman = conservative = torch.zeros((), device=steps.x.device)
-        for critic in self._critics:
+        for critic in self.critics:
             value = critic(steps.x, steps.actions)
             bellman = bellman + 0.5 * mean_where((value - returns) ** 2, steps.weight)
             everywhere = log_sum_exp(critic, steps.x, *proposals)
@@ -100,7 +104,7 @@ class CqlSac:
         """Step actor and entropy weight; return ``L_actor`` and the policy's entropy."""
         x = steps.x.detach()
         action, log_probability = sample_action(self.agent.policy.actor, x)
-        worth = torch.minimum(*(critic(x, action) for critic in self._critics))
+        worth = torch.minimum(*(critic(x, action) for critic in self.critics))
         loss = mean_where(self._log_alpha.exp().detach() * log_probability - worth, steps.weight)
         self._actor_optimizer.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
@@ -115,14 +119,14 @@ class CqlSac:
 
     @torch.no_grad()
     def _follow(self) -> None:
-        for target, weight in zip(self._targets.parameters(), self._critics.parameters(), strict=True):
+        for target, weight in zip(self._targets.parameters(), self.critics.parameters(), strict=True):
             target.lerp_(weight, _SOFT_UPDATE)
 
     def state_dict(self) -> dict[str, Any]:
         """Return all weights and moments."""
         return {
             "agent": self.agent.state_dict(),
-            "critics": self._critics.state_dict(),
+            "critics": self.critics.state_dict(),
             "targets": self._targets.state_dict(),
             "log_alpha": self._log_alpha.detach(),
             "critic_optimizer": self._critic_optimizer.state_dict(),
@@ -133,7 +137,7 @@ class CqlSac:
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Take up what `state_dict` returned."""
         self.agent.load_state_dict(state["agent"])
-        self._critics.load_state_dict(state["critics"])
+        self.critics.load_state_dict(state["critics"])
         self._targets.load_state_dict(state["targets"])
         with torch.no_grad():
             self._log_alpha.copy_(state["log_alpha"])
