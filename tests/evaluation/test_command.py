@@ -13,6 +13,7 @@ import pytest
 
 from adatracker_deploy.cli import main
 from adatracker_deploy.evaluation import play
+from tests.policy import tiny
 
 SHORT = ("evaluate", "--episodes", "1", "--steps", "3", "--workers", "1")
 
@@ -85,6 +86,18 @@ def test_what_is_wrong_is_said_in_one_line(capsys, arguments, words):
     (line,) = err.strip().splitlines()
     assert out == ""
     assert words in line
+
+
+def test_a_bundle_is_scored_where_there_is_no_torch_and_no_matplotlib(tmp_path):
+    tiny.Parts().write(tmp_path)
+    arguments = [*SHORT, "--policy", str(tmp_path)]
+    code = (
+        "import sys; sys.modules.update(torch=None, matplotlib=None, gymnasium=None)\n"
+        f"from adatracker_deploy.cli import main; sys.exit(main({arguments!r}))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "tiny  " in done.stdout
 
 
 @pytest.mark.slow
