@@ -128,6 +128,8 @@ class _Run:
         self._saved_s = time.monotonic()
 
     def all_rounds(self, say: Say, tell: Tell) -> None:
+        if self._update == 0:
+            self._save()  # so that whatever interrupts it, there is something to resume
         curves = Curves(self._out, self._update)
         rounds = self._settings.rounds if self._settings.method == "dagger" else 0
         try:
@@ -187,7 +189,7 @@ class _Run:
                     raise KeyboardInterrupt
                 if time.monotonic() - self._saved_s > SNAPSHOT_EVERY_S:
                     self._save()
-        self._save()
+            self._save()
 
     def _sequences(self, update: int) -> Sequences:
         rng = np.random.default_rng([self._settings.seed, update])
