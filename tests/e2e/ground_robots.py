@@ -91,11 +91,12 @@ class GroundRobot:
 
     module: str
     shipped: str
+    any_port: tuple[str, ...] = ()
 
     def __init__(self, folder, *arguments: str) -> None:
         self.watcher = Watcher()
         self.far_end = subprocess.Popen(
-            [sys.executable, "-m", self.module, "--profile", self.shipped, *arguments],
+            [sys.executable, "-m", self.module, "--profile", self.shipped, *self.any_port, *arguments],
             stdout=subprocess.PIPE,
             text=True,
         )
@@ -173,6 +174,7 @@ class Quadruped(GroundRobot):
     name = "quadruped"
     module = "adatracker_quadruped.sitl"
     shipped = "go2"
+    any_port = ("--listen", "tcp/127.0.0.1:0")
 
     def port(self) -> int:
         return int(self.ready["endpoint"].rsplit(":", 1)[1])

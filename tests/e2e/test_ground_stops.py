@@ -65,47 +65,45 @@ def drive(tmp_path, robot):
             os.kill(pid, signal.SIGKILL)
 
 
-def stopped(capsys, robot, what: str, onset_s: float, limit_s: float) -> float:
+def stopped(measured, robot, what: str, onset_s: float, limit_s: float) -> float:
     halted_s = robot.watcher.halted_after(onset_s)
-    with capsys.disabled():
-        way_m = robot.watcher.gone_m(onset_s)
-        print(f"\n  {robot.name}, {what}: stands after {halted_s:.2f} s, {way_m:.2f} m on")
+    way_m = robot.watcher.gone_m(onset_s)
+    measured(f"{robot.name} at 0.5 m/s, {what}: stands after {halted_s:.2f} s, {way_m:.2f} m on")
     assert halted_s < limit_s
     return halted_s
 
 
-def strike(capsys, robot, what: str, action, limit_s: float) -> float:
+def strike(measured, robot, what: str, action, limit_s: float) -> float:
     robot.watcher.wait_until_cruising(CRUISE_M_S)
     onset_s = time.monotonic()
     action()
-    return stopped(capsys, robot, what, onset_s, limit_s)
+    return stopped(measured, robot, what, onset_s, limit_s)
 
 
-def test_at_its_normal_end_it_stands(drive, robot, capsys):
+def test_at_its_normal_end_it_stands(drive, robot, measured):
     run = drive("--steps", "150", "--json")
     robot.watcher.wait_until_cruising(CRUISE_M_S)
     status, summary, err = run.end()
     assert status == 0, err
-    with capsys.disabled():
-        print(f"\n  {robot.name}, normal end: below 0.25 m/s after {summary['stop_s']:.2f} s")
+    measured(f"{robot.name} at 0.5 m/s, normal end: below 0.25 m/s after {summary['stop_s']:.2f} s")
     assert summary["outcome"] == "completed"
     assert summary["stop_s"] < TOLD_S
     assert robot.watcher.samples[-1].speed_m_s < 0.05
 
 
-def test_after_an_unexpected_error_it_stands(drive, robot, capsys):
+def test_after_an_unexpected_error_it_stands(drive, robot, measured):
     failing = [sys.executable, str(Path(__file__).with_name("failing_tracker.py"))]
     run = drive("--steps", "2000", command=failing)
     assert any(line.strip() == "failing" for line in run.process.stdout)
-    stopped(capsys, robot, "exception", time.monotonic(), TOLD_S)
+    stopped(measured, robot, "exception", time.monotonic(), TOLD_S)
 
 
-def test_ctrl_c_and_sigterm_stop_it_equally_soon(drive, robot, capsys):
+def test_ctrl_c_and_sigterm_stop_it_equally_soon(drive, robot, measured):
     took_s = {}
     for number in (signal.SIGINT, signal.SIGTERM):
         run = drive("--steps", "2000", "--json")
         took_s[number] = strike(
-            capsys, robot, number.name, functools.partial(os.kill, run.pid, number), TOLD_S
+            measured, robot, number.name, functools.partial(os.kill, run.pid, number), TOLD_S
         )
         status, summary, _ = run.end()
         assert status == 130
@@ -114,22 +112,22 @@ def test_ctrl_c_and_sigterm_stop_it_equally_soon(drive, robot, capsys):
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP], ids=["kill -9", "SIGSTOP"])
-def test_a_tracker_that_dies_or_stops(drive, robot, capsys, number):
+def test_a_tracker_that_dies_or_stops(drive, robot, measured, number):
     run = drive("--steps", "2000")
-    strike(capsys, robot, f"tracker, {number.name}", lambda: os.kill(run.pid, number), ROBOTS_OWN_S)
+    strike(measured, robot, f"tracker, {number.name}", lambda: os.kill(run.pid, number), ROBOTS_OWN_S)
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP], ids=["kill -9", "SIGSTOP"])
-def test_a_link_that_dies_or_stops(drive, robot, capsys, number):
+def test_a_link_that_dies_or_stops(drive, robot, measured, number):
     run = drive("--steps", "2000")
     robot.watcher.wait_until_cruising(CRUISE_M_S)
     link = run.link_pid()
-    strike(capsys, robot, f"link, {number.name}", lambda: os.kill(link, number), ROBOTS_OWN_S)
+    strike(measured, robot, f"link, {number.name}", lambda: os.kill(link, number), ROBOTS_OWN_S)
 
 
-def test_an_unplugged_cable(drive, robot, capsys):
+def test_an_unplugged_cable(drive, robot, measured):
     run = drive("--steps", "2000", "--json")
-    strike(capsys, robot, "cable unplugged", robot.cable.cut, ROBOTS_OWN_S)
+    strike(measured, robot, "cable unplugged", robot.cable.cut, ROBOTS_OWN_S)
     robot.cable.mend()
     robot.watcher.halted_after(time.monotonic())  # a cable that comes back resumes nothing
     status, summary, _ = run.end()
@@ -138,16 +136,16 @@ def test_an_unplugged_cable(drive, robot, capsys):
     assert summary["reason"]
 
 
-def test_a_frozen_connection_and_its_return(drive, robot, capsys):
+def test_a_frozen_connection_and_its_return(drive, robot, measured):
     run = drive("--steps", "2000", "--json")
-    strike(capsys, robot, "frozen connection", robot.cable.freeze, LEASE_S)
+    strike(measured, robot, "frozen connection", robot.cable.freeze, LEASE_S)
     robot.cable.mend()
     robot.watcher.halted_after(time.monotonic())  # what was under way when it froze moves nothing
     status, _, _ = run.end()
     assert status == 1
 
 
-def test_a_robot_that_freezes_and_thaws_does_not_run_on(drive, robot, capsys):
+def test_a_robot_that_freezes_and_thaws_does_not_run_on(drive, robot, measured):
     run = drive("--steps", "2000", "--json")
     robot.watcher.wait_until_cruising(CRUISE_M_S)
     os.kill(robot.far_end.pid, signal.SIGSTOP)
@@ -155,7 +153,7 @@ def test_a_robot_that_freezes_and_thaws_does_not_run_on(drive, robot, capsys):
     assert status == 1
     assert summary["reason"]
     os.kill(robot.far_end.pid, signal.SIGCONT)
-    stopped(capsys, robot, "robot frozen, then thawed", time.monotonic(), ROBOTS_OWN_S)
+    stopped(measured, robot, "robot frozen, then thawed", time.monotonic(), ROBOTS_OWN_S)
 
 
 def test_a_robot_that_dies_ends_the_run_with_a_sentence(drive, robot):

@@ -10,7 +10,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(240)]
 
 
 @pytest.mark.parametrize("speed", ["1", "5"])
-def test_a_drone_follows_to_the_horizon_and_lands(fly, station, tmp_path, capsys, speed):
+def test_a_drone_follows_to_the_horizon_and_lands(fly, station, tmp_path, measured, speed):
     flight = fly("--seed", "1", "--steps", "600", "--json", "--speed", speed)
     status, summary, err = flight.end(timeout_s=200)
     assert status == 0, err
@@ -22,8 +22,7 @@ def test_a_drone_follows_to_the_horizon_and_lands(fly, station, tmp_path, capsys
     assert "airborne" in err
     (folder,) = (tmp_path / "trials").iterdir()
     assert json.loads((folder / "summary.json").read_text())["mr"] == summary["mr"]
-    with capsys.disabled():
-        print(f"\n  x{speed}: MR {summary['mr']:.3f}, AR {summary['ar']:.0f}, {summary['rate_hz']:.2f} Hz")
+    measured(f"drone x{speed}: MR {summary['mr']:.3f}, AR {summary['ar']:.0f}, {summary['rate_hz']:.2f} Hz")
 
 
 def test_several_trials_print_the_papers_row(fly):
