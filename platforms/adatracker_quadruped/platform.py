@@ -90,8 +90,8 @@ class QuadrupedPlatform(Platform):
         Raises:
             PlatformError: nobody listens to commands, or the robot is not heard.
         """
-        wire = self._connected()
         with self._steering:
+            wire = self._connected()
             if self._engaged:
                 return
             if wire.has_rival:
@@ -155,7 +155,7 @@ class QuadrupedPlatform(Platform):
         if wire is not None and self._in_charge:
             self._send_zeros(wire)
             with self._steering:
-                if not self._engaged:
+                if self._may_stop(wire):
                     wire.commander.stand(time.time_ns())
                     self._in_charge = False
 
@@ -206,10 +206,14 @@ class QuadrupedPlatform(Platform):
             self._engaged = False
             self._stopped = self._stopped or reason
 
+    def _may_stop(self, wire: Wire) -> bool:
+        """Tell, while `_steering` is held, whether nobody engaged again or closed meanwhile."""
+        return not self._engaged and self._wire is wire
+
     def _send_zeros(self, wire: Wire) -> None:
         for _ in range(_ZEROS):
             with self._steering:
-                if self._engaged or self._wire is not wire:  # somebody engaged again, or closed, meanwhile
+                if not self._may_stop(wire):
                     return
                 wire.commander.walk(ZERO, time.time_ns())
             time.sleep(_ZERO_PERIOD_S)
