@@ -11,7 +11,7 @@ from torch import Tensor
 
 try:
     from torch.utils.tensorboard import SummaryWriter
-except ImportError:  # an extra that only adds a picture
+except ImportError:  # it only draws what curves.csv holds
     SummaryWriter = None  # type: ignore[assignment, misc]
 
 NAME = "curves.csv"

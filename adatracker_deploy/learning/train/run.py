@@ -26,11 +26,13 @@ from adatracker_deploy.learning.data.dataset import Dataset
 from adatracker_deploy.learning.data.recipe import load_recipe
 from adatracker_deploy.learning.data.visit import collect_visited
 from adatracker_deploy.learning.train.agent import Agent, Sequences
+from adatracker_deploy.learning.train.cql_sac import CqlSac
 from adatracker_deploy.learning.train.curves import Curves
 from adatracker_deploy.learning.train.dagger import Dagger
 from adatracker_deploy.learning.train.method import Learner
 from adatracker_deploy.learning.train.settings import TrainSettings
 from adatracker_deploy.learning.train.snapshot import (
+    POLICY_NAME,
     SNAPSHOT_NAME,
     Snapshot,
     check_same_run,
@@ -38,6 +40,7 @@ from adatracker_deploy.learning.train.snapshot import (
     write_policy,
     write_snapshot,
 )
+from adatracker_deploy.learning.train.visitor import Visitor
 
 SNAPSHOT_EVERY_S = 120.0
 
@@ -89,7 +92,7 @@ def train(
         raise UsageError(f"{out}: cannot be made: {error}") from error
     run = _Run(settings, data, out, learner, update=snapshot.update if snapshot else 0, base=base)
     run.all_rounds(say, tell)
-    return out / "policy.pt"
+    return out / POLICY_NAME
 
 
 def _learner(settings: TrainSettings, device: str) -> Learner:
@@ -102,8 +105,6 @@ def _learner(settings: TrainSettings, device: str) -> Learner:
     agent.train()
     if settings.method == "dagger":
         return Dagger(agent, settings)
-    from adatracker_deploy.learning.train.cql_sac import CqlSac
-
     return CqlSac(agent, settings)
 
 
@@ -150,16 +151,14 @@ class _Run:
         if not folders[-1].exists():
             say(f"round {number}: visiting {self._settings.round_steps} steps")
             self._visit(number, folders[-1])
-        visited = Dataset.open([folders[-1]])
-        score = {"visited/reward": float(visited.steps.rewards.mean())}
-        score["visited/lost"] = float(visited.steps.done.sum() / len(visited.specs))
-        curves.write(self._update, score)
-        say(f"round {number}: reward {score['visited/reward']:.3f} a step, lost {score['visited/lost']:.1%}")
+            visited = Dataset.open([folders[-1]])
+            reward = float(visited.steps.rewards.mean())
+            lost = float(visited.steps.done.sum() / len(visited.specs))
+            say(f"round {number}: reward {reward:.3f} a step, {lost:.1%} of the episodes lost")
+            curves.write(self._update, {"visited/reward": reward, "visited/lost": lost})
         self._dataset = Dataset.open([*self._data, *folders])
 
     def _visit(self, number: int, folder: Path) -> None:
-        from adatracker_deploy.learning.train.visitor import Visitor
-
         unfinished = folder.with_name(f".{folder.name}")
         shutil.rmtree(unfinished, ignore_errors=True)
         seed = int(np.random.SeedSequence([self._settings.seed, number]).generate_state(1)[0])
