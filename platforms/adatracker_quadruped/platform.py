@@ -53,6 +53,8 @@ class QuadrupedPlatform(Platform):
         self._in_charge = False
         """Engaged since the last disengage: only then is the robot ours to stop."""
         self._stopped = ""
+        self._sent_ns = 0
+        """When the newest command was made; 0 since the last engage."""
 
     def connect(self) -> None:
         """Dial the robot and wait for its odometry; moves nothing.
@@ -100,14 +102,14 @@ class QuadrupedPlatform(Platform):
             if why := self._trouble(wire):
                 raise PlatformError(why)
             self._engaged = self._in_charge = True
-            self._stopped = ""
+            self._stopped, self._sent_ns = "", 0
 
     def send(self, command: Twist, now_ns: int) -> Twist:
         """Send one velocity, without its vertical part; return what was sent.
 
         Raises:
-            PlatformError: the command is not finite, the robot is not engaged, or it is no longer there: then
-                a zero goes out instead and the stop latches.
+            PlatformError: the command is not finite, or the robot is not engaged, no longer there or stopped by
+                itself for want of commands; of the last two a zero goes out instead and the stop latches.
         """
         if not command.is_finite():
             raise PlatformError(f"refused to send {command}: not finite")
@@ -115,13 +117,14 @@ class QuadrupedPlatform(Platform):
             wire = self._connected()
             if not self._engaged:
                 raise PlatformError(f"not engaged: {self._stopped or 'engage first'}")
-            if why := self._trouble(wire):
+            if why := self._pause(now_ns) or self._trouble(wire):
                 self._engaged, self._stopped = False, why
                 wire.commander.walk(ZERO, time.time_ns())
                 raise PlatformError(why)
             sent = replace(command, vz=0.0)
             age_ns = (self.clock.now_ns() - now_ns) / self.clock.speed
             wire.commander.walk(sent, time.time_ns() - round(age_ns))
+            self._sent_ns = now_ns
             return sent
 
     def state(self) -> PlatformState:
@@ -200,6 +203,12 @@ class QuadrupedPlatform(Platform):
         if why := wire.watch.trouble():
             return why
         return "" if wire.commander.matched else f"nobody subscribes to {wire.commander.key}"
+
+    def _pause(self, now_ns: int) -> str:
+        """Say that the robot has stopped for want of commands: the next one must not set it going again."""
+        paused_s = (now_ns - self._sent_ns) / 1e9 / self.clock.speed if self._sent_ns else 0.0
+        over = paused_s > self._connection.command_timeout_s
+        return f"no command for {paused_s:.2f} s: the robot has stopped by itself" if over else ""
 
     def _withdraw(self, reason: str) -> None:
         with self._steering:

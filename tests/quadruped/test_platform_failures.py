@@ -167,6 +167,34 @@ def test_a_second_host_is_refused_until_the_first_has_left():
 # On the way
 
 
+def test_a_host_that_paused_does_not_set_a_robot_going_that_has_stopped_by_itself():
+    with far_end() as (_, profile), connected(profile) as platform:
+        platform.engage()
+        send_for(platform, WALK, 0.5)
+        paused_s = profile.connection.command_timeout_s + 0.1
+        platform.clock.sleep_until(platform.clock.now_ns() + round(paused_s * 1e9))
+        with pytest.raises(PlatformError, match="no command for"):
+            platform.send(WALK, platform.clock.now_ns())
+        stays_stopped(platform, "no command for")
+        walks_again(platform)
+
+
+def test_closing_while_another_thread_disengages_is_no_error(monkeypatch):
+    with far_end() as (_, profile), connected(profile) as platform:
+        platform.engage()
+        send_for(platform, WALK, 0.2)
+        pauses = []
+
+        def closes_after_the_last_zero(seconds):
+            pauses.append(seconds)
+            if len(pauses) == 3:
+                platform.close()
+
+        monkeypatch.setattr("adatracker_quadruped.platform.time.sleep", closes_after_the_last_zero)
+        platform.disengage()
+        assert not platform.state().engaged
+
+
 def test_a_killed_robot_is_noticed_within_a_fifth_of_a_second():
     with far_end() as (sitl, profile), connected(profile) as platform:
         platform.engage()
