@@ -191,3 +191,11 @@ def test_every_variant_trains_and_differs_from_the_whole(data, tmp_path, variant
     assert (checkpoint.encoder is None) is (variant == "no-encoder")
     if checkpoint.policy.config == other.policy.config:
         assert not torch.equal(checkpoint.encoder.to_context.weight, other.encoder.to_context.weight)
+
+
+def test_in_bfloat16_it_ends_near_where_it_ends_in_full_precision(method, data, whole, tmp_path):
+    trained(replace(method, bfloat16=True), data, tmp_path / "short")
+    full, short = weights(whole), weights(tmp_path / "short")
+    assert not same(full, short)
+    # A few steps of 1e-3 at most: an update is as large whatever the gradient's digits.
+    assert all((full[key] - short[key]).abs().max() < 0.02 for key in full)
