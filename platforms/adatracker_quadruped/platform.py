@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from dataclasses import replace
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
 
 _ZEROS = 3
 _ZERO_PERIOD_S = 0.02
+_REST_TIMEOUT_S = 3.0
+_REST_M_S, _REST_RAD_S = 0.1, 0.2
+"""Measured motion below both is rest: the trunk of a robot that stands still sways."""
 _LONGEST_REASON = 95
 
 
@@ -108,8 +112,8 @@ class QuadrupedPlatform(Platform):
         """Send one velocity, without its vertical part; return what was sent.
 
         Raises:
-            PlatformError: the command is not finite, or the robot is not engaged, no longer there or stopped by
-                itself for want of commands; of the last two a zero goes out instead and the stop latches.
+            PlatformError: the command is not finite, or the robot is not engaged. Also if it is gone, or has
+                stopped by itself for want of commands: then a zero goes out and the stop latches.
         """
         if not command.is_finite():
             raise PlatformError(f"refused to send {command}: not finite")
@@ -152,19 +156,30 @@ class QuadrupedPlatform(Platform):
             self._send_zeros(wire)
 
     def disengage(self) -> None:
-        """Do as `hold`, tell the robot to stand, and leave it alone."""
-        self._withdraw("")
-        wire = self._wire
-        if wire is not None and self._in_charge:
-            self._send_zeros(wire)
-            with self._steering:
-                if self._may_stop(wire):
-                    wire.commander.stand(time.time_ns())
-                    self._in_charge = False
+        """Do as `hold`, tell the robot to stand, and return when it does.
+
+        Raises:
+            PlatformError: it was not seen to stand within 3 s.
+        """
+        asked_ns = self.clock.now_ns()
+        wire = self._give_back()
+        if wire is None:
+            return
+
+        def stands() -> bool:
+            reading = wire.watch.odometry.newest
+            seen = reading is not None and reading.t_ns > asked_ns and _at_rest(reading.value.velocity)
+            return seen or not self._may_stop(wire)
+
+        if not until(stands, time.monotonic() + _REST_TIMEOUT_S):
+            raise PlatformError(
+                f"the robot was not seen to stand {_REST_TIMEOUT_S:g} s after the stop: "
+                "stop it with its own remote control"
+            )
 
     def close(self) -> None:
-        """Disengage, let the token go and close the session."""
-        self.disengage()
+        """Let the robot stand, let the token go and close the session; waits for nothing."""
+        self._give_back()
         with self._opening:
             with self._steering:
                 wire, self._wire = self._wire, None
@@ -215,8 +230,21 @@ class QuadrupedPlatform(Platform):
             self._engaged = False
             self._stopped = self._stopped or reason
 
+    def _give_back(self) -> Wire | None:
+        """Tell the robot to stand and leave it alone; return its wire, None where it was not ours to stop."""
+        self._withdraw("")
+        wire = self._wire
+        if wire is None or not self._in_charge:
+            return None
+        self._send_zeros(wire)
+        with self._steering:
+            if self._may_stop(wire):
+                wire.commander.stand(time.time_ns())
+                self._in_charge = False
+        return wire
+
     def _may_stop(self, wire: Wire) -> bool:
-        """Tell, while `_steering` is held, whether nobody engaged again or closed meanwhile."""
+        """Tell whether nobody engaged again or closed meanwhile."""
         return not self._engaged and self._wire is wire
 
     def _send_zeros(self, wire: Wire) -> None:
@@ -226,3 +254,7 @@ class QuadrupedPlatform(Platform):
                     return
                 wire.commander.walk(ZERO, time.time_ns())
             time.sleep(_ZERO_PERIOD_S)
+
+
+def _at_rest(velocity: Twist) -> bool:
+    return math.hypot(velocity.vx, velocity.vy) < _REST_M_S and abs(velocity.yaw_rate) < _REST_RAD_S

@@ -227,6 +227,20 @@ def test_a_frozen_robot_is_noticed_and_a_thawed_one_does_not_walk():
         walks_again(platform)
 
 
+def test_a_disengaged_robot_stands_and_one_that_is_not_seen_to_stand_is_told():
+    with far_end() as (sitl, profile), connected(profile) as platform:
+        platform.engage()
+        send_for(platform, WALK, 1.0)
+        platform.disengage()
+        assert speed(platform) < 0.1
+        platform.engage()
+        send_for(platform, WALK, 0.5)
+        os.kill(sitl.pid, signal.SIGKILL)
+        with pytest.raises(PlatformError, match="not seen to stand"):
+            platform.disengage()
+        assert not platform.state().engaged
+
+
 def test_a_router_that_is_gone_and_comes_back_resumes_nothing():
     port = free_port()
     profile = rehearsed(endpoint=f"tcp/127.0.0.1:{port}")
