@@ -14,6 +14,7 @@ import os
 import signal
 import threading
 import time
+from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -33,6 +34,7 @@ from adatracker_deploy.runtime.wire import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from multiprocessing.connection import Connection
     from types import TracebackType
 
@@ -62,7 +64,8 @@ class LinkProcess:
         self._process = context.Process(
             target=_main, args=(platform, profile, clock, setpoints, statuses, far_end), name="link"
         )
-        self._process.start()
+        with _deaf_to_interrupts():
+            self._process.start()
         far_end.close()
 
     @property
@@ -155,6 +158,17 @@ class LinkProcess:
         if kind == "event":
             self._events.append(value)
         return kind, value
+
+
+@contextlib.contextmanager
+def _deaf_to_interrupts() -> Iterator[None]:
+    """Start a process in here and no Ctrl-C ends it while it imports: it inherits which signals wait."""
+    resource_tracker.ensure_running()  # with the first process otherwise, and that would end the blocking
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _main(  # noqa: PLR0917 -- what a new process is given comes by position

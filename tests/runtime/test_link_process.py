@@ -66,6 +66,12 @@ def test_a_whole_drive_through_the_process(link, clock):
     assert any("holding" in event.message for event in link.drain_events())
 
 
+def test_an_interrupt_while_it_starts_does_not_reach_it(link):
+    os.kill(link.pid, signal.SIGINT)  # as a terminal tells its whole group of Ctrl-C
+    (check,) = link.connect()
+    assert check.ok
+
+
 def test_when_the_tracker_falls_silent_it_gives_up_the_robot_by_itself(link, clock):
     link.connect()
     link.engage()
