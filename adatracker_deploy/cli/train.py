@@ -46,9 +46,9 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument("--length", metavar="N", type=int, help="steps of a sequence")
     parser.add_argument("--seed", metavar="S", type=int, help="(default: 0)")
     parser.add_argument("--device", default="cpu", help="cpu, cuda, cuda:1 (default: %(default)s)")
-    parser.add_argument(
-        "--threads", metavar="N", type=int, default=len(os.sched_getaffinity(0)), help="on the CPU"
-    )
+    cores = len(os.sched_getaffinity(0))
+    parser.add_argument("--threads", metavar="N", type=int, default=cores, help="of torch, on the CPU")
+    parser.add_argument("--workers", metavar="N", type=int, default=cores, help="processes that visit")
     parser.add_argument(
         "--bfloat16", action="store_true", help="compute with fewer digits where it is faster"
     )
@@ -69,8 +69,9 @@ def run(args: argparse.Namespace) -> int:
         from adatracker_deploy.learning.train.run import train
     except ImportError as error:
         raise UsageError(f"training needs {error.name}: pip install 'adatracker-deploy[train]'") from error
-    if args.threads < 1:
-        raise UsageError(f"--threads: {args.threads} is out of range, at least 1")
+    for name in ("threads", "workers"):
+        if (value := getattr(args, name)) < 1:
+            raise UsageError(f"--{name}: {value} is out of range, at least 1")
     torch.set_num_threads(args.threads)
     settings = _settings(args)
     begin_s = time.monotonic()
@@ -80,6 +81,7 @@ def run(args: argparse.Namespace) -> int:
         args.out,
         resume=args.resume,
         device=args.device,
+        workers=args.workers,
         say=lambda text: print(text, file=sys.stderr),
         tell=_Progress(settings.updates),
     )

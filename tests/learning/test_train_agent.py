@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -9,10 +10,12 @@ import pytest
 import torch
 
 from adatracker_deploy.learning.checkpoint import ADATRACKER_MASK, AdaTracker
-from adatracker_deploy.learning.data.dataset import Batch
+from adatracker_deploy.learning.data.dataset import Batch, Dataset
+from adatracker_deploy.learning.data.recipe import load_recipe
+from adatracker_deploy.learning.data.shard import read_shard
 from adatracker_deploy.learning.rollout import rollout
 from adatracker_deploy.learning.train.agent import Agent, Sequences, drawn
-from adatracker_deploy.learning.train.visitor import Visitor
+from adatracker_deploy.learning.train.visitor import Visitor, visit_round
 from adatracker_deploy.policy.drawing import MaskPainter
 from tests.learning import fresh
 
@@ -95,3 +98,20 @@ def test_a_new_episode_begins_as_the_first_did_and_leaves_the_others_alone():
 def test_both_networks_of_an_agent_look_through_one_backbone():
     agent = Agent(CONFIGS["whole"])
     assert agent.encoder.backbone is agent.policy.backbone
+
+
+def test_any_number_of_workers_visits_the_same_and_what_is_there_is_kept(tmp_path):
+    recipe, agent = replace(load_recipe("paper"), episode_steps=8), an_agent(CONFIGS["whole"])
+    told = {"steps": 300, "seed": [1, 2]}
+    alone = visit_round(agent, recipe, folder=tmp_path / "alone", workers=1, **told)
+    pair = visit_round(agent, recipe, folder=tmp_path / "pair", workers=2, **told)
+    assert [len(Dataset.open([part])) for part in alone] == [128, 128, 44]
+    for one, other in zip(alone, pair, strict=True):
+        ours, theirs = (read_shard(part / "shard-00000.npz") for part in (one, other))
+        assert ours.episodes == theirs.episodes
+        np.testing.assert_array_equal(ours.steps.actions, theirs.steps.actions)
+    before = {part: part.stat().st_mtime_ns for part in alone}
+    shutil.rmtree(alone[1])
+    assert visit_round(agent, recipe, folder=tmp_path / "alone", workers=1, **told) == alone
+    changed = [part for part in alone if part.stat().st_mtime_ns != before[part]]
+    assert changed == [alone[1]]

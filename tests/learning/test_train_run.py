@@ -14,7 +14,7 @@ from adatracker_deploy.errors import UsageError
 from adatracker_deploy.learning.checkpoint import load_checkpoint
 from adatracker_deploy.learning.data.collect import collect
 from adatracker_deploy.learning.data.recipe import load_recipe
-from adatracker_deploy.learning.train import run as training
+from adatracker_deploy.learning.train import visitor
 from adatracker_deploy.learning.train.run import train
 from adatracker_deploy.learning.train.settings import TrainSettings
 
@@ -86,17 +86,17 @@ def test_every_weight_that_acts_has_learned(method, data, whole, tmp_path):
 def test_an_interrupted_visit_begins_again_and_changes_nothing(data, tmp_path, monkeypatch):
     settings = METHODS["dagger"]
     trained(settings, data, tmp_path / "whole")
-    visit = training.collect_visited
+    collect_visited = visitor.collect_visited
 
     def cut_short(recipe, policy, *, steps, **rest):
-        visit(recipe, policy, steps=steps // 2, **rest)
+        collect_visited(recipe, policy, steps=steps // 2, **rest)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(training, "collect_visited", cut_short)
+    monkeypatch.setattr(visitor, "collect_visited", cut_short)
     with pytest.raises(KeyboardInterrupt):
         trained(settings, data, tmp_path / "cut")
     monkeypatch.undo()
-    assert not (tmp_path / "cut" / "visited-1").exists()
+    assert not any((tmp_path / "cut").glob("visited-1/part-*"))
     trained(settings, data, tmp_path / "cut", resume=True)
     assert same(weights(tmp_path / "whole"), weights(tmp_path / "cut"))
 
@@ -125,7 +125,6 @@ def test_curves_hold_each_scalar_once_an_update_and_drop_what_was_lost(data, tmp
     losses = [update for update, name in rows if name == "loss"]
     assert losses == list(range(1, TINY.updates + 1))
     assert len(rows) == len(set(rows))
-    assert (3, "visited/reward") in rows
 
 
 @pytest.mark.parametrize(

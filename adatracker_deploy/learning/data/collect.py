@@ -8,10 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import multiprocessing
-import os
-import signal
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, as_completed, wait
 from typing import TYPE_CHECKING
 
 from adatracker_deploy.errors import UsageError
@@ -26,10 +22,11 @@ from adatracker_deploy.learning.data.shard import (
     shard_name,
     write_shard,
 )
+from adatracker_deploy.learning.data.workers import in_processes
 from adatracker_deploy.learning.seeds import training_seed
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
     from pathlib import Path
 
     from adatracker_deploy.learning.data.recipe import Recipe
@@ -63,11 +60,15 @@ def collect(
     steps = recipe.steps if steps is None else steps
     _claim(out_dir, recipe, seed)
     sizes = [min(SHARD_STEPS, steps - first) for first in range(0, steps, SHARD_STEPS)]
-    missing = [index for index, size in enumerate(sizes) if not _is_done(out_dir / shard_name(index), size)]
-    done = steps - sum(sizes[index] for index in missing)
+    jobs = [
+        (recipe, seed, index, size, path)
+        for index, size in enumerate(sizes)
+        if not _is_done(path := out_dir / shard_name(index), size)
+    ]
+    done = steps - sum(sizes[index] for _, _, index, _, _ in jobs)
     if progress is not None:
         progress(done, steps)
-    for index in _made(recipe, out_dir, seed, {index: sizes[index] for index in missing}, workers):
+    for index in in_processes(collect_shard, jobs, workers):
         done += sizes[index]
         if progress is not None:
             progress(done, steps)
@@ -92,36 +93,6 @@ def perturbed_episode(recipe: Recipe, seed: int, steps: int) -> Record:
     while not rollout.ended:
         rollout.step(perturb(rollout.expert))
     return rollout.record()
-
-
-def _made(recipe: Recipe, out_dir: Path, seed: int, sizes: dict[int, int], workers: int) -> Iterator[int]:
-    """Collect shards of these sizes; yield the index of each when it is on disk."""
-    jobs = [(recipe, seed, index, steps, out_dir / shard_name(index)) for index, steps in sizes.items()]
-    if workers == 1 or len(jobs) <= 1:
-        yield from (collect_shard(*job) for job in jobs)
-        return
-    with _processes(workers) as pool:
-        # No more is handed out than is worked on: an interrupt waits for no shard that was not begun.
-        under_way: set[Future[int]] = set()
-        for job in jobs:
-            if len(under_way) == workers:
-                finished, under_way = wait(under_way, return_when=FIRST_COMPLETED)
-                yield from (future.result() for future in finished)
-            under_way.add(pool.submit(collect_shard, *job))
-        yield from (future.result() for future in as_completed(under_way))
-
-
-def _processes(workers: int) -> Executor:
-    # Read when a worker loads its linear algebra: threads that wait for each other on busy cores cost more
-    # than they bring.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    # An interrupt is this process's affair: the workers finish their shards and are sent home.
-    return ProcessPoolExecutor(
-        workers,
-        mp_context=multiprocessing.get_context("spawn"),
-        initializer=signal.signal,
-        initargs=(signal.SIGINT, signal.SIG_IGN),
-    )
 
 
 def _is_done(path: Path, steps: int) -> bool:

@@ -42,11 +42,10 @@ class Curves:
             self._sums[name] = self._sums.get(name, 0.0) + float(value)
         self._count += 1
         if update % EVERY == 0:
-            self.write(update, {name: total / self._count for name, total in self._sums.items()})
+            self._write(update, {name: total / self._count for name, total in self._sums.items()})
             self._sums, self._count = {}, 0
 
-    def write(self, update: int, means: Mapping[str, float]) -> None:
-        """Write scalars as they are."""
+    def _write(self, update: int, means: Mapping[str, float]) -> None:
         with self._path.open("a", encoding="utf-8", newline="") as file:
             csv.writer(file).writerows((update, name, f"{mean:.6g}") for name, mean in means.items())
         if self._events is not None:

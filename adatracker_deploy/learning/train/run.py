@@ -9,7 +9,6 @@ and resumed ends in the same weights, on the CPU to the bit, as one that was not
 
 from __future__ import annotations
 
-import shutil
 import signal
 import threading
 import time
@@ -24,7 +23,6 @@ import torch
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.learning.data.dataset import Dataset
 from adatracker_deploy.learning.data.recipe import load_recipe
-from adatracker_deploy.learning.data.visit import collect_visited
 from adatracker_deploy.learning.train.agent import Agent, Sequences
 from adatracker_deploy.learning.train.cql_sac import CqlSac
 from adatracker_deploy.learning.train.curves import Curves
@@ -40,7 +38,7 @@ from adatracker_deploy.learning.train.snapshot import (
     write_policy,
     write_snapshot,
 )
-from adatracker_deploy.learning.train.visitor import Visitor
+from adatracker_deploy.learning.train.visitor import visit_round
 
 SNAPSHOT_EVERY_S = 120.0
 
@@ -57,6 +55,7 @@ def train(
     *,
     resume: bool = False,
     device: str = "cpu",
+    workers: int = 1,
     say: Say,
     tell: Tell,
 ) -> Path:
@@ -68,6 +67,7 @@ def train(
         out: the run's folder, made where it is missing.
         resume: go on with the run in `out`.
         device: where torch computes.
+        workers: processes that visit.
         say: see `Say`.
         tell: see `Tell`.
 
@@ -90,8 +90,8 @@ def train(
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise UsageError(f"{out}: cannot be made: {error}") from error
-    run = _Run(settings, data, out, learner, update=snapshot.update if snapshot else 0, base=base)
-    run.all_rounds(say, tell)
+    update = snapshot.update if snapshot else 0
+    _Run(settings, data, out, learner, update=update, base=base, workers=workers).all_rounds(say, tell)
     return out / POLICY_NAME
 
 
@@ -118,6 +118,7 @@ class _Run:
         *,
         update: int,
         base: Dataset,
+        workers: int,
     ) -> None:
         self._settings = settings
         self._data = data
@@ -126,6 +127,7 @@ class _Run:
         self._update = update
         self._dataset = base
         self._base_steps = len(base)
+        self._workers = workers
         self._saved_s = time.monotonic()
 
     def all_rounds(self, say: Say, tell: Tell) -> None:
@@ -139,37 +141,31 @@ class _Run:
                 if self._update >= end:
                     continue
                 if number:
-                    self._visit_until(number, curves, say)
+                    self._visit(number, say)
                 say(f"round {number} of {rounds}: {len(self._dataset)} steps of data, to update {end}")
                 self._improve(end, curves, tell)
         finally:
             curves.close()
 
-    def _visit_until(self, number: int, curves: Curves, say: Say) -> None:
-        """See that the data of all rounds up to this one are there and loaded."""
+    def _visit(self, number: int, say: Say) -> None:
+        """See that the data of all rounds up to this one are there, and load them."""
+        settings = self._settings
         folders = [self._out / f"visited-{index}" for index in range(1, number + 1)]
-        if not folders[-1].exists():
-            say(f"round {number}: visiting {self._settings.round_steps} steps")
-            self._visit(number, folders[-1])
-            visited = Dataset.open([folders[-1]])
-            reward = float(visited.steps.rewards.mean())
-            lost = float(visited.steps.done.sum() / len(visited.specs))
-            say(f"round {number}: reward {reward:.3f} a step, {lost:.1%} of the episodes lost")
-            curves.write(self._update, {"visited/reward": reward, "visited/lost": lost})
-        self._dataset = Dataset.open([*self._data, *folders])
-
-    def _visit(self, number: int, folder: Path) -> None:
-        unfinished = folder.with_name(f".{folder.name}")
-        shutil.rmtree(unfinished, ignore_errors=True)
-        seed = int(np.random.SeedSequence([self._settings.seed, number]).generate_state(1)[0])
-        collect_visited(
-            load_recipe(self._settings.recipe),
-            Visitor(self._learner.agent),
-            steps=self._settings.round_steps,
-            out_dir=unfinished,
-            seed=seed,
+        say(f"round {number}: visiting {settings.round_steps} steps")
+        visit_round(
+            self._learner.agent,
+            load_recipe(settings.recipe),
+            steps=settings.round_steps,
+            folder=folders[-1],
+            seed=[settings.seed, number],
+            workers=self._workers,
         )
-        unfinished.rename(folder)
+        parts = [sorted(folder.glob("part-*")) for folder in folders]
+        visited = Dataset.open(parts[-1])
+        reward = float(visited.steps.rewards.mean())
+        lost = float(visited.steps.done.sum() / len(visited.specs))
+        say(f"round {number}: reward {reward:.3f} a step, {lost:.1%} of the episodes lost")
+        self._dataset = Dataset.open([*self._data, *(part for folder in parts for part in folder)])
 
     def _improve(self, end: int, curves: Curves, tell: Tell) -> None:
         """Make updates until `end`; the next batch is prepared while torch computes."""

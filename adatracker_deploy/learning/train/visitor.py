@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import copy
+import math
+import shutil
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from adatracker_deploy.learning.data.recipe import Recipe
+from adatracker_deploy.learning.data.visit import collect_visited
+from adatracker_deploy.learning.data.workers import in_processes
 from adatracker_deploy.learning.train.agent import Agent, drawn
 
 if TYPE_CHECKING:
@@ -64,3 +71,49 @@ class Visitor:
         pairs = torch.cat((self._pairs[:, 1:], newest[:, None]), dim=1)
         self._pairs = torch.where(forget[:, None, None], blank, pairs)
         return self._pairs
+
+
+_AT_ONCE = 16
+"""Episodes that a part of a round steps together: networks gain by more, an interrupt waits longer for it."""
+
+
+def visit_round(
+    agent: Agent, recipe: Recipe, *, steps: int, folder: Path, seed: list[int], workers: int
+) -> list[Path]:
+    """Fill a folder with the states that an agent visits, and return the folders of its parts.
+
+    Parts that are there already are kept; any number of workers leaves the same files.
+
+    Args:
+        agent: not changed; a copy of it drives on the CPU.
+        recipe: what the episodes are drawn from.
+        steps: in all, in parts of one full episode in each of `_AT_ONCE` places.
+        folder: made where it is missing.
+        seed: any numbers that name the round.
+        workers: processes.
+    """
+    size = _AT_ONCE * recipe.episode_steps
+    parts = [folder / f"part-{index:03d}" for index in range(math.ceil(steps / size))]
+    driver = copy.deepcopy(agent).cpu()
+    jobs = [
+        (driver, recipe, min(size, steps - index * size), [*seed, index], part)
+        for index, part in enumerate(parts)
+        if not part.exists()
+    ]
+    for _ in in_processes(_visit_part, jobs, workers):
+        pass
+    return parts
+
+
+def _visit_part(agent: Agent, recipe: Recipe, steps: int, seed: list[int], part: Path) -> None:
+    """Make one part; the folder appears under its name when it is complete."""
+    unfinished = part.with_name(f".{part.name}")
+    shutil.rmtree(unfinished, ignore_errors=True)
+    number = int(np.random.SeedSequence(seed).generate_state(1)[0])
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)  # in a worker or not: its answers must be the same to the bit
+    try:
+        collect_visited(recipe, Visitor(agent), steps=steps, out_dir=unfinished, seed=number, envs=_AT_ONCE)
+    finally:
+        torch.set_num_threads(threads)
+    unfinished.rename(part)
