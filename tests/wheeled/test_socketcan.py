@@ -24,7 +24,8 @@ def room():
 
 def pass_in(room, cases: str, limit_s: float) -> None:
     ended = room(
-        [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", f"{CASES}/{cases}"], limit_s=limit_s
+        [sys.executable, "-m", "pytest", "-n", "0", "-p", "no:cacheprovider", f"{CASES}/{cases}"],
+        limit_s=limit_s,
     )
     assert ended.status == 0, ended.output
 
