@@ -169,6 +169,9 @@ class Body(abc.ABC):
         """The velocity now, in the body frame."""
 
 
+_FASTEST_PERSON_M_S = 5.0
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
     """What a rehearsal is about: a far end that carries its own camera puts its robot into this world."""
@@ -177,6 +180,12 @@ class Scenario:
     target_speed_m_s: float = 1.0
     seed: int = 0
     """Of the world, and of all that is random in the simulated robot."""
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.target_speed_m_s <= _FASTEST_PERSON_M_S:  # false for NaN too
+            raise UsageError(
+                f"target speed {self.target_speed_m_s:g} m/s: expected 0 to {_FASTEST_PERSON_M_S:g}"
+            )
 
 
 class Sitl(abc.ABC):

@@ -45,6 +45,7 @@ def tap(session, profile, topic, decode):
         (["--profile", "px4_quad"], "is a profile for platform 'drone'"),
         (["--robot", '{"camera_hz": 20}'], "missing key"),
         (["--robot", "no JSON"], "Expecting value"),
+        (["--target-speed", "nan"], "expected 0 to 5"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line_with_status_2(arguments, says):
