@@ -167,9 +167,10 @@ class _Server(ThreadingHTTPServer):
         super().shutdown_request(request)
 
     def disconnect_all(self) -> None:
-        with self._connecting, contextlib.suppress(OSError):
+        with self._connecting:
             for connection in self._connections:
-                connection.shutdown(socket.SHUT_RDWR)
+                with contextlib.suppress(OSError):  # one that has left by itself must not keep the others
+                    connection.shutdown(socket.SHUT_RDWR)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Say nothing of a client that leaves in the middle of a picture."""
