@@ -1,8 +1,7 @@
-"""Bodies on the ground: what the world may do to them, and a differential drive to reuse."""
+"""Bodies on the ground: what the world may do to them, their parts, and a differential drive to reuse."""
 
 from __future__ import annotations
 
-import abc
 import math
 from collections import deque
 from dataclasses import dataclass, field
@@ -16,9 +15,63 @@ from adatracker_deploy.schema import Range
 class GroundBody(Body):
     """A body that stands on the ground, and so is carried by it and stopped by what stands on it."""
 
-    @abc.abstractmethod
+    _pose = Pose()
+
     def place(self, pose: Pose) -> None:
         """Be at `pose` instead of where the last step led; velocity and everything else stay as they are."""
+        self._pose = pose
+
+    @property
+    def pose(self) -> Pose:
+        """The body's origin, on the ground."""
+        return self._pose
+
+
+class DelayLine:
+    """Commands on their way to a body: each takes effect `delay_s` after it was given, zero before the first."""
+
+    def __init__(self, delay_s: float) -> None:
+        self._delay_s = delay_s
+        self._now_s = 0.0
+        self._command = ZERO
+        self._pending: deque[tuple[float, Twist]] = deque()
+
+    def give(self, command: Twist) -> None:
+        """Send a command on its way now."""
+        self._pending.append((self._now_s + self._delay_s, command))
+
+    def advance(self, dt_s: float) -> Twist:
+        """Return the command in effect for the next `dt_s` seconds."""
+        # Half a nanosecond forgives the rounding of summed steps.
+        while self._pending and self._pending[0][0] <= self._now_s + 0.5e-9:
+            self._command = self._pending.popleft()[1]
+        self._now_s += dt_s
+        return self._command
+
+
+def lag_share(lag_s: float, dt_s: float) -> float:
+    """Return the share of a difference that a first-order lag makes up for in `dt_s`; all without a lag."""
+    return 1.0 - math.exp(-dt_s / lag_s) if lag_s > 0 else 1.0
+
+
+def along_arc(at: Pose, velocity: Twist, dt_s: float) -> Pose:
+    """Return where `velocity`, in the body frame, leads from `at`: along its arc, and the slope underfoot."""
+    turn = velocity.yaw_rate * dt_s
+    along = at.yaw + turn / 2
+    ahead, aside = velocity.vx * dt_s * math.cos(at.pitch), velocity.vy * dt_s * math.cos(at.roll)
+    return Pose(
+        at.x + ahead * math.cos(along) - aside * math.sin(along),
+        at.y + ahead * math.sin(along) + aside * math.cos(along),
+        at.z,
+        at.roll,
+        at.pitch,
+        wrap_angle(at.yaw + turn),
+    )
+
+
+def within(value: float, magnitude: float) -> float:
+    """Return `value`, clipped to [-magnitude, magnitude]."""
+    return max(-magnitude, min(magnitude, value))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,43 +106,17 @@ class KinematicBody(GroundBody):
         del seed
         self._pose = pose
         self._velocity = ZERO
-        self._now_s = 0.0
-        self._command = ZERO
-        self._pending: deque[tuple[float, Twist]] = deque()
+        self._delay = DelayLine(self.settings.delay_s)
 
     def step(self, command: Twist, dt_s: float) -> None:
         """Advance by `dt_s` seconds, along the arc of the mean velocities of that time."""
-        self._pending.append((self._now_s + self.settings.delay_s, self._clip(command)))
-        # Half a nanosecond forgives the rounding of summed steps.
-        while self._pending and self._pending[0][0] <= self._now_s + 0.5e-9:
-            self._command = self._pending.popleft()[1]
-        self._now_s += dt_s
-        before = self._velocity
-        share = 1.0 - math.exp(-dt_s / self.settings.lag_s) if self.settings.lag_s > 0 else 1.0
-        vx = share * self._command.vx + (1.0 - share) * before.vx
-        yaw_rate = share * self._command.yaw_rate + (1.0 - share) * before.yaw_rate
+        self._delay.give(self._clip(command))
+        wanted, before = self._delay.advance(dt_s), self._velocity
+        share = lag_share(self.settings.lag_s, dt_s)
+        vx = share * wanted.vx + (1.0 - share) * before.vx
+        yaw_rate = share * wanted.yaw_rate + (1.0 - share) * before.yaw_rate
         self._velocity = Twist(vx=vx, yaw_rate=yaw_rate)
-        turn = yaw_rate * dt_s
-        ahead = vx * dt_s * math.cos(self._pose.pitch)
-        at = self._pose
-        along = at.yaw + turn / 2
-        self._pose = Pose(
-            at.x + ahead * math.cos(along),
-            at.y + ahead * math.sin(along),
-            at.z,
-            at.roll,
-            at.pitch,
-            wrap_angle(at.yaw + turn),
-        )
-
-    def place(self, pose: Pose) -> None:
-        """Be at `pose`, at the same speed."""
-        self._pose = pose
-
-    @property
-    def pose(self) -> Pose:
-        """Midpoint between the wheels, on the ground."""
-        return self._pose
+        self._pose = along_arc(self._pose, self._velocity, dt_s)
 
     @property
     def camera_pose(self) -> Pose:
@@ -107,5 +134,5 @@ class KinematicBody(GroundBody):
         limits = self.settings
         return Twist(
             vx=max(-limits.backward_m_s, min(limits.forward_m_s, command.vx)),
-            yaw_rate=max(-limits.yaw_rate_rad_s, min(limits.yaw_rate_rad_s, command.yaw_rate)),
+            yaw_rate=within(command.yaw_rate, limits.yaw_rate_rad_s),
         )

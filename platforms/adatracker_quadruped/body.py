@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from adatracker_deploy.geometry import Pose, wrap_angle
+from adatracker_deploy.geometry import Pose
 from adatracker_deploy.platform import ZERO, Twist
-from adatracker_deploy.world.bodies import GroundBody
+from adatracker_deploy.world.bodies import DelayLine, GroundBody, along_arc, lag_share, within
 from adatracker_quadruped.gait import Gait
 
 if TYPE_CHECKING:
@@ -41,25 +40,15 @@ class QuadrupedBody(GroundBody):
         self._mean_slip = self.settings.slip * self._random.uniform(0.0, 2.0)
         self._slip = self._mean_slip
         self._pose = pose
-        self._legs = self._command = ZERO
-        self._now_s = 0.0
-        self._pending: deque[tuple[float, Twist]] = deque()
+        self._legs = ZERO
+        self._delay = DelayLine(self.settings.delay_s)
 
     def step(self, command: Twist, dt_s: float) -> None:
         """Advance by `dt_s` seconds under a velocity command in the body frame."""
-        self._pending.append((self._now_s + self.settings.delay_s, self._clip(command)))
+        self._delay.give(self._clip(command))
         steps = max(1, math.ceil(dt_s / _STEP_S - 1e-9))
         for _ in range(steps):
             self._advance(dt_s / steps)
-
-    def place(self, pose: Pose) -> None:
-        """Be at `pose`, at the same speed."""
-        self._pose = pose
-
-    @property
-    def pose(self) -> Pose:
-        """The point on the ground below the middle of the trunk."""
-        return self._pose
 
     @property
     def trunk(self) -> Pose:
@@ -79,28 +68,13 @@ class QuadrupedBody(GroundBody):
         return Twist(vx=kept * legs.vx, vy=kept * legs.vy, yaw_rate=kept * legs.yaw_rate)
 
     def _advance(self, dt_s: float) -> None:
-        # Half a nanosecond forgives the rounding of summed steps.
-        while self._pending and self._pending[0][0] <= self._now_s + 0.5e-9:
-            self._command = self._pending.popleft()[1]
-        self._now_s += dt_s
-        self._legs = self._lagged(dt_s)
+        self._legs = self._lagged(self._delay.advance(dt_s), dt_s)
         if self._gait.step(self._pace(), dt_s):
             self._slip = self._mean_slip * self._random.uniform(0.0, 2.0)
-        at, over_ground = self._pose, self.velocity
-        along = at.yaw + over_ground.yaw_rate * dt_s / 2
-        ahead, aside = over_ground.vx * dt_s * math.cos(at.pitch), over_ground.vy * dt_s * math.cos(at.roll)
-        self._pose = Pose(
-            at.x + ahead * math.cos(along) - aside * math.sin(along),
-            at.y + ahead * math.sin(along) + aside * math.cos(along),
-            at.z,
-            at.roll,
-            at.pitch,
-            wrap_angle(at.yaw + over_ground.yaw_rate * dt_s),
-        )
+        self._pose = along_arc(self._pose, self.velocity, dt_s)
 
-    def _lagged(self, dt_s: float) -> Twist:
-        share = 1.0 - math.exp(-dt_s / self.settings.lag_s) if self.settings.lag_s > 0 else 1.0
-        legs, command = self._legs, self._command
+    def _lagged(self, command: Twist, dt_s: float) -> Twist:
+        share, legs = lag_share(self.settings.lag_s, dt_s), self._legs
         vx, vy, yaw_rate = (
             now + share * (wanted - now)
             for now, wanted in (
@@ -125,6 +99,6 @@ class QuadrupedBody(GroundBody):
         limits = self.settings
         return Twist(
             vx=max(-limits.backward_m_s, min(limits.forward_m_s, command.vx)),
-            vy=max(-limits.lateral_m_s, min(limits.lateral_m_s, command.vy)),
-            yaw_rate=max(-limits.yaw_rate_rad_s, min(limits.yaw_rate_rad_s, command.yaw_rate)),
+            vy=within(command.vy, limits.lateral_m_s),
+            yaw_rate=within(command.yaw_rate, limits.yaw_rate_rad_s),
         )

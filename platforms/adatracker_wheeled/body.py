@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
-from collections import deque
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from adatracker_deploy.geometry import Pose, wrap_angle
+from adatracker_deploy.geometry import Pose
 from adatracker_deploy.platform import ZERO, Twist
-from adatracker_deploy.world.bodies import GroundBody
+from adatracker_deploy.world.bodies import DelayLine, GroundBody, along_arc, lag_share, within
 from adatracker_wheeled.drive import Drive
 from adatracker_wheeled.roles import Wheels
 
@@ -41,31 +39,16 @@ class WheeledBody(GroundBody):
         random = np.random.default_rng([seed, 0x5117])
         self._grip = 1.0 - self.settings.slip * random.uniform(0.0, 1.0, 2)
         self._pose = pose
-        self._now_s = 0.0
-        self._command = ZERO
-        self._pending: deque[tuple[float, Twist]] = deque()
+        self._delay = DelayLine(self.settings.delay_s)
         self.measured = self._velocity = ZERO
         self.wheels_m = (0.0, 0.0)
         """Distance that the left and the right wheels have rolled, m."""
 
     def step(self, command: Twist, dt_s: float) -> None:
         """Advance by `dt_s` seconds; sideways and upward parts are ignored, not finite means zero."""
-        self._pending.append((self._now_s + self.settings.delay_s, self._clip(command)))
-        # Half a nanosecond forgives the rounding of summed steps.
-        while self._pending and self._pending[0][0] <= self._now_s + 0.5e-9:
-            self._command = self._pending.popleft()[1]
-        self._now_s += dt_s
-        self.measured = self._follow(dt_s)
+        self._delay.give(self._clip(command))
+        self.measured = self._follow(self._delay.advance(dt_s), dt_s)
         self._roll(dt_s)
-
-    def place(self, pose: Pose) -> None:
-        """Be at `pose`, at the same speed: an obstacle stops the body, not its wheels."""
-        self._pose = pose
-
-    @property
-    def pose(self) -> Pose:
-        """Where the base really is."""
-        return self._pose
 
     @property
     def camera_pose(self) -> Pose:
@@ -82,14 +65,14 @@ class WheeledBody(GroundBody):
             return ZERO
         settings = self.settings
         vx = max(-settings.backward_m_s, min(settings.forward_m_s, command.vx))
-        return Twist(vx=vx, yaw_rate=_within(command.yaw_rate, settings.yaw_rate_rad_s))
+        return Twist(vx=vx, yaw_rate=within(command.yaw_rate, settings.yaw_rate_rad_s))
 
-    def _follow(self, dt_s: float) -> Twist:
+    def _follow(self, wanted: Twist, dt_s: float) -> Twist:
         """Return what the wheels amount to after `dt_s`; a steered base turns only as it rolls."""
-        settings, before, wanted = self.settings, self.measured, self._command
-        share = 1.0 - math.exp(-dt_s / settings.lag_s) if settings.lag_s > 0 else 1.0
-        vx = before.vx + _within(share * (wanted.vx - before.vx), settings.accel_m_s2 * dt_s)
-        turn = _within(share * (wanted.yaw_rate - before.yaw_rate), settings.yaw_accel_rad_s2 * dt_s)
+        settings, before = self.settings, self.measured
+        share = lag_share(settings.lag_s, dt_s)
+        vx = before.vx + within(share * (wanted.vx - before.vx), settings.accel_m_s2 * dt_s)
+        turn = within(share * (wanted.yaw_rate - before.yaw_rate), settings.yaw_accel_rad_s2 * dt_s)
         return self._drive.twist(self._drive.quantities(Twist(vx=vx, yaw_rate=before.yaw_rate + turn)))
 
     def _roll(self, dt_s: float) -> None:
@@ -99,17 +82,4 @@ class WheeledBody(GroundBody):
         self.wheels_m = (self.wheels_m[0] + left * dt_s, self.wheels_m[1] + right * dt_s)
         grip_left, grip_right = self._grip.tolist()
         self._velocity = self._wheels.twist({"left_m_s": left * grip_left, "right_m_s": right * grip_right})
-        at, turn = self._pose, self._velocity.yaw_rate * dt_s
-        ahead, along = self._velocity.vx * dt_s * math.cos(at.pitch), at.yaw + turn / 2
-        self._pose = Pose(
-            at.x + ahead * math.cos(along),
-            at.y + ahead * math.sin(along),
-            at.z,
-            at.roll,
-            at.pitch,
-            wrap_angle(at.yaw + turn),
-        )
-
-
-def _within(value: float, magnitude: float) -> float:
-    return max(-magnitude, min(magnitude, value))
+        self._pose = along_arc(self._pose, self._velocity, dt_s)
