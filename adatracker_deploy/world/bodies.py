@@ -28,7 +28,7 @@ class GroundBody(Body):
 
 
 class DelayLine:
-    """Commands on their way to a body: each takes effect `delay_s` after it was given, zero before the first."""
+    """Commands on their way to a body: each takes effect `delay_s` later, zero before the first."""
 
     def __init__(self, delay_s: float) -> None:
         self._delay_s = delay_s
