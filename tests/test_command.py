@@ -42,6 +42,7 @@ def refused(capsys, *arguments: str) -> str:
         ((*DRONE, "--steps", "0"), "out of range"),
         ((*DRONE, "--steps", "ten"), "ten"),
         ((*DRONE, "--speed", "nan"), "out of range"),
+        ((*DRONE, "--speed", "0.5"), "out of range"),  # a robot slower than its own time-outs looks dead
         (("--platform", "drone", "--speed", "5"), "--speed is for rehearsals"),
         ((*DRONE, "--stpes", "5"), "--stpes"),
         (("fly",), "fly"),

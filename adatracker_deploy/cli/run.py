@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     how.add_argument("--steps", type=_whole(1, 1_000_000), default=600, help="ticks (default: %(default)s)")
     how.add_argument("--trials", type=_whole(1, 1000), default=1, help="trials, seeds from --seed up")
     how.add_argument("--seed", type=_whole(0, 2**31 - 1), default=0, help="of the world and the simulation")
-    how.add_argument("--speed", type=_number(0.1, 20), help="times real time; only with --sitl")
+    how.add_argument("--speed", type=_number(1, 20), help="times real time, 1 to 20; only with --sitl")
     view = parser.add_argument_group("what it sees")
     view.add_argument(
         "--camera",
