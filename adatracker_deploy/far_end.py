@@ -1,7 +1,7 @@
 """A simulated far end as a process: started by a `Sitl`, ready by one line, ended by the end of its stdin.
 
-`FarEndProcess` is the side that starts it; `add_arguments`, `far_end_clock`, `lifeline` and `announce` are what
-the started module's ``main`` is made of. Started by hand, the same module runs until Ctrl-C.
+`FarEndProcess` is the side that starts it; `add_arguments`, `far_end_clock`, `lifeline` and `announce` are
+what the started module's ``main`` is made of. Started by hand, the same module runs until Ctrl-C.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class FarEndProcess:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
-            start_new_session=True,  # a Ctrl-C in the terminal must not take the robot out from under its wire
+            start_new_session=True,  # a Ctrl-C in the terminal must not take the robot from its wire
         )
         assert process.stdout is not None
         timer = threading.Timer(START_TIMEOUT_S, process.kill)

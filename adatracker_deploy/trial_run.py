@@ -152,7 +152,7 @@ class _Trial:
         if frame is None or frame.truth is None:
             raise UsageError(
                 f"camera {without_password(uri)}: gives pictures alone, and there is no segmenter yet that finds "
-                "the person in them; rehearse with --sitl, or follow a virtual person with --camera world://SCENE"
+                "the person in them; rehearse with --sitl, or follow a virtual one with --camera world://SCENE"
             )
         return camera
 

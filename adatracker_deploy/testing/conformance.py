@@ -150,7 +150,7 @@ class PlatformConformance:
         assert wrap_angle(_pose(engaged).yaw - heading) > self.turn_rad_s
 
     def test_send_returns_what_was_sent(self, engaged: Platform) -> None:
-        """An axis that the robot has no use for comes back as zero; forward and yaw as the wire rounds them."""
+        """An axis that the robot has no use for comes back as 0; forward and yaw as the wire rounds them."""
         sent = engaged.send(Twist(vx=self.cruise_m_s, vy=0.1, vz=0.0, yaw_rate=0.2), engaged.clock.now_ns())
         assert (sent.vx, sent.yaw_rate) == pytest.approx((self.cruise_m_s, 0.2), rel=0.05)
         for axis in {field.name for field in dataclasses.fields(Twist)} - self.platform_class.axes:

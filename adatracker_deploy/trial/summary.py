@@ -110,8 +110,8 @@ def summarise_boxes(boxes: Sequence[Box | None], path: Path) -> Summary:
 def summarise_set(summaries: Sequence[Summary]) -> Summary:
     """Put several trials together: `trials`, and `mean` and `std` of mr, el, sr, and of ar if all have it.
 
-    Where there are several platforms or policies, `groups` gives each its own `mean` and `std`. SR is the share
-    of trials that were completed. The std is the sample's (ddof = 1); one trial has None.
+    Where there are several platforms or policies, `groups` gives each its own `mean` and `std`. SR is the
+    share of trials that were completed. The std is the sample's (ddof = 1); one trial has None.
 
     Raises:
         ValueError: there are none.
