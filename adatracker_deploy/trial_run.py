@@ -151,8 +151,8 @@ class _Trial:
         frame = camera.read(self.clock.now_ns())
         if frame is None or frame.truth is None:
             raise UsageError(
-                f"camera {without_password(uri)}: gives pictures alone, and there is no segmenter yet that finds "
-                "the person in them; rehearse with --sitl, or follow a virtual one with --camera world://SCENE"
+                f"camera {without_password(uri)}: gives pictures alone, and there is no segmenter yet that "
+                "finds the person in them; rehearse with --sitl, or follow a virtual one with --camera world://SCENE"
             )
         return camera
 
