@@ -92,7 +92,9 @@ class World:
         self.start = self._behind(self._walkers[0])
         for index, rng in enumerate(crowd.spawn(others)):
             kind = Crosser if index < crossing else RandomWalk
-            self._walkers.append(self._wanderer(kind, rng, target_speed_m_s, self._room(None, skip=None)))
+            self._walkers.append(
+                self._wanderer(kind, rng, target_speed_m_s, self._room(self.start, skip=None))
+            )
         self._gaits = [Gait() for _ in self._walkers]
         self._show_people()
 

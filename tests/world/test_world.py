@@ -6,7 +6,7 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from adatracker_deploy.errors import UsageError
@@ -41,6 +41,7 @@ def test_the_simulator_is_imported_only_when_a_world_is_built():
 
 
 @settings(max_examples=30, deadline=None)
+@example(name="parking_lot", seed=387, path="s_path", obstacles=False)  # once began in somebody's shoes
 @given(name=SCENES, seed=SEEDS, path=PATHS, obstacles=st.booleans())
 def test_a_robot_starts_on_free_ground_and_sees_the_target_straight_ahead_at_2_5_m(
     name, seed, path, obstacles
