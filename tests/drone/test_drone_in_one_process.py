@@ -1,0 +1,53 @@
+"""The same promises with the simulated vehicle in a thread of the same process."""
+
+from __future__ import annotations
+
+import threading
+
+import pytest
+from test_platform_sitl import rehearsal_profile
+
+from adatracker_deploy.platform import Sitl
+from adatracker_deploy.testing.conformance import PlatformConformance
+from adatracker_drone.far_end import FarEnd
+from adatracker_drone.platform import DronePlatform
+
+pytestmark = pytest.mark.slow
+
+
+class InAThread(Sitl):
+    def __init__(self, profile):
+        self._profile = profile
+        self._ended = threading.Event()
+        self._thread = None
+
+    def start(self, clock, scenario):
+        port = int(self._profile.connection.url.rpartition(":")[2])
+        far_end = FarEnd(self._profile.sitl, scenario.seed, clock.speed, [("127.0.0.1", port)])
+        self._thread = threading.Thread(target=far_end.serve, args=(clock, self._ended))
+        self._thread.start()
+        return self._profile
+
+    def close(self):
+        self._ended.set()
+        if self._thread is not None:
+            self._thread.join()
+
+
+class InOneProcess(DronePlatform):
+    @classmethod
+    def sitl(cls, profile):
+        return InAThread(profile)
+
+
+class TestDroneInOneProcess(PlatformConformance):
+    platform_class = InOneProcess
+    clock_speed = 3.0
+    cruise_m_s = 1.0
+    still_m_s = 0.3
+    body_height_m = 2.0
+
+    @pytest.fixture(scope="class")
+    @classmethod
+    def profile(cls):
+        return rehearsal_profile()
