@@ -1,4 +1,4 @@
-"""The same promises with the simulated robot in a thread of the same process: two sessions, one interpreter."""
+"""The same promises with the simulated robot in a thread of the same process: two sessions."""
 
 import dataclasses
 import threading
