@@ -83,7 +83,7 @@ class Bus:
                 raise PlatformError(self.lost)
             try:
                 self._driver.send(message)
-            except (can.CanError, OSError) as error:
+            except Exception as error:  # drivers raise what they like; the transmit thread must outlive it
                 if not _is_full(error):
                     raise self._lose(line_of(error)) from error
                 self.dropped += 1

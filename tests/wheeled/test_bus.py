@@ -186,12 +186,17 @@ def test_whatever_a_driver_raises_loses_the_bus_and_never_passes_for_silence(bus
     assert_lost(bus, heard, "a driver's own bug")
 
 
-def test_a_send_that_fails_loses_the_bus(bus, driver, heard):
-    driver.error = BrokenPipeError(errno.EPIPE, "Broken pipe")
-    with pytest.raises(PlatformError, match="Broken pipe"):
+@pytest.mark.parametrize(
+    "error",
+    [BrokenPipeError(errno.EPIPE, "Broken pipe"), TypeError("a driver's own bug")],
+    ids=["as foreseen", "unforeseen"],
+)
+def test_a_send_that_fails_loses_the_bus(bus, driver, heard, error):
+    driver.error = error
+    with pytest.raises(PlatformError, match="is lost"):
         bus.send(FRAME)
     driver.error = None
-    assert_lost(bus, heard, "Broken pipe")
+    assert_lost(bus, heard, error.args[-1])
     assert driver.sent == []
 
 
