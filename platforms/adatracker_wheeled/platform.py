@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from adatracker_deploy.profile import Profile
     from adatracker_deploy.runtime.clock import Clock
 
+_DISABLE_TIMEOUT_S = 0.2
 _REST_TIMEOUT_S = 3.0
 _REST_M_S, _REST_RAD_S = 0.05, 0.1
 """Measured motion below both is rest."""
@@ -158,7 +159,8 @@ class WheeledPlatform(Platform):
         """Zeros, then standby; return when the base stands.
 
         Raises:
-            PlatformError: the bus is lost, or the base was not seen to stand within 3 s.
+            PlatformError: the bus is lost or too full to disable the base, or the base was not seen to stand
+                within 3 s.
         """
         self._helm.withdraw()
         with self._turn:
@@ -220,12 +222,25 @@ class WheeledPlatform(Platform):
         return wire.trouble(now_ns)
 
     def _disable(self, wire: Wire) -> None:
-        """Let the zeros out, then give the base back; at the end it is in nobody's charge."""
+        """Let the zeros out, then give the base back; until that went out it stays in this side's charge.
+
+        Raises:
+            PlatformError: the bus is lost, or had no room for the request.
+        """
         wire.finish()
+        if not wire.wait(lambda _: self._given_back(wire), _DISABLE_TIMEOUT_S):
+            raise PlatformError(
+                "the base is still enabled: the CAN bus took no request to disable it; "
+                "disengage again or press its emergency stop"
+            )
+
+    def _given_back(self, wire: Wire) -> bool:
+        """Ask a base once to obey no longer; tell whether it is in nobody's charge now."""
         with self._helm.lock:
-            mine, self._helm.in_charge = self._helm.in_charge, False
+            mine, self._helm.in_charge = self._helm.in_charge, False  # for good if `offer` finds the bus lost
             if mine:  # nobody has taken it meanwhile
-                wire.say(wire.codec.disable())
+                self._helm.in_charge = not wire.offer(wire.codec.disable())
+            return not self._helm.in_charge
 
     def _queue_checks(self) -> tuple[Check, ...]:
         length = Path("/sys/class/net", self._connection.channel, "tx_queue_len")

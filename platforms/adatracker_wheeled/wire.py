@@ -93,11 +93,18 @@ class Wire:
         Raises:
             PlatformError: the bus is lost, or did not take it.
         """
-        for frame in frames:
-            if not self._bus.send(frame):
-                raise PlatformError(
-                    "the CAN bus takes no frame: is the base on, the cable in, the bit rate right?"
-                )
+        if not self.offer(frames):
+            raise PlatformError(
+                "the CAN bus takes no frame: is the base on, the cable in, the bit rate right?"
+            )
+
+    def offer(self, frames: tuple[CanFrame, ...]) -> bool:
+        """Send a request now if there is room; return whether the bus took all of it.
+
+        Raises:
+            PlatformError: the bus is lost.
+        """
+        return all(self._bus.send(frame) for frame in frames)
 
     def stop(self) -> None:
         """Say zero three times, then nothing."""

@@ -10,6 +10,7 @@ import time
 
 import can
 import pytest
+from can.interfaces.virtual import VirtualBus
 from wheeled_rig import (
     COMMAND_MODE,
     STANDBY,
@@ -80,6 +81,49 @@ def test_closing_an_engaged_base_disables_it():
         send_for(platform, AHEAD, 0.3)
         platform.close()
         assert tap.commands()[-4:] == [STILL, STILL, STILL, STANDBY]
+
+
+class Crowded:
+    """A virtual bus that has no room for frames of some ids, so often."""
+
+    def __init__(self, monkeypatch):
+        self.refusals = {}
+        send = VirtualBus.send
+
+        def refuse(bus, message, timeout=None):
+            if self.refusals.get(message.arbitration_id):
+                self.refusals[message.arbitration_id] -= 1
+                raise can.CanOperationError("Transmit buffer full")
+            send(bus, message, timeout)
+
+        monkeypatch.setattr(VirtualBus, "send", refuse)
+
+
+@pytest.fixture
+def crowded(monkeypatch):
+    return Crowded(monkeypatch)
+
+
+def test_a_disable_that_finds_the_queue_full_is_asked_for_again(crowded):
+    with drive() as (platform, far_end):
+        platform.engage()
+        crowded.refusals[STANDBY[0]] = 2
+        platform.disengage()
+        assert crowded.refusals[STANDBY[0]] == 0
+        until(lambda: far_end.far_end.base.mode == "standby")
+
+
+def test_a_base_that_could_not_be_disabled_is_disabled_at_the_close(crowded):
+    second_axis = 1 << 5 | 0x07  # the first one's request goes out each time, so that the bus is not lost
+    with drive(base_profile("odrive_diff")) as (platform, far_end):
+        platform.engage()
+        crowded.refusals[second_axis] = 1000
+        with pytest.raises(PlatformError, match="took no request to disable"):
+            platform.disengage()
+        assert far_end.far_end.base.mode == "ours"
+        crowded.refusals.clear()
+        platform.close()
+        until(lambda: far_end.far_end.base.mode == "standby")
 
 
 def test_holding_says_zero_three_times_20_ms_apart_and_keeps_the_base_enabled():
