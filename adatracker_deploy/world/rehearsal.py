@@ -1,35 +1,36 @@
 """A world with one ground robot in it, at the far end of that robot's wire.
 
-Two threads meet here: the wire's, which drives the body, and the camera's, which lets the people walk and
-looks. Obstacles and walls block the body, as the real ones would.
+`Rehearsal` is the robot's half: the wire's thread drives the body, which obstacles and walls block as real
+ones would. `Studio` is the camera's half: the people, and the pictures. `film` draws in a process of its own,
+because on a busy machine the wire's few milliseconds would otherwise wait behind the drawing.
 """
 
 from __future__ import annotations
 
-import sys
+import contextlib
+import multiprocessing
+import signal
 import threading
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import cv2
 import numpy as np
 
+from adatracker_deploy.geometry import Pose
 from adatracker_deploy.messages import Frame
 from adatracker_deploy.runtime.pacer import Pacer
 from adatracker_deploy.world.world import World
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from multiprocessing.connection import Connection
 
-    from adatracker_deploy.geometry import Pose
     from adatracker_deploy.platform import Scenario, Twist
     from adatracker_deploy.runtime.clock import Clock
     from adatracker_deploy.world.bodies import GroundBody
 
 BODY_RADIUS_M = 0.3
 """How near an obstacle counts as a collision, and is kept off."""
-SWITCH_S = 5e-4
-"""Longest turn of a thread of the far end while another waits: Python's own 5 ms would keep the wire's thread
-from its 20 ms period whenever a picture is drawn."""
 RGB_SHARE = 2
 """Colours, which only people look at, are cast at half the resolution: a third of the time, so that
 a rehearsal at five times real time keeps up."""
@@ -56,6 +57,44 @@ def take_frame(
     return Frame(np.asarray(rgb, np.uint8), t_ns, seq, world.truth(mask, robot, camera, BODY_RADIUS_M))
 
 
+class View(NamedTuple):
+    """One moment, as far as a camera has to know it; poses are in the world."""
+
+    t_ns: int
+    robot: Pose
+    camera: Pose
+    going: bool
+    """The people walk; they stand still until then."""
+
+
+class Studio:
+    """The people of a world, and whoever takes pictures of them.
+
+    Args:
+        scenario: which world.
+        fov_rad: the camera's horizontal field of view.
+        size: width and height of the frames, px, both even.
+    """
+
+    def __init__(self, scenario: Scenario, fov_rad: float, size: tuple[int, int]) -> None:
+        self._world = _world(scenario)
+        self._fov_rad = fov_rad
+        self._size = size
+        self._last_ns: int | None = None
+        self._seq = 0
+
+    def take(self, view: View) -> Frame:
+        """Let the people walk until the view's time and take a frame."""
+        if view.going:
+            last_ns = view.t_ns if self._last_ns is None else self._last_ns
+            self._world.step((view.t_ns - last_ns) / 1e9, view.robot)
+            self._last_ns = view.t_ns
+        self._seq += 1
+        return take_frame(
+            self._world, view.robot, view.camera, self._fov_rad, self._size, t_ns=view.t_ns, seq=self._seq
+        )
+
+
 class Rehearsal:
     """The robot's place in the world.
 
@@ -69,14 +108,13 @@ class Rehearsal:
     def __init__(
         self, scenario: Scenario, body: GroundBody, fov_rad: float, size: tuple[int, int] = (160, 160)
     ) -> None:
-        self._world = World(scenario.scene, seed=scenario.seed, target_speed_m_s=scenario.target_speed_m_s)
+        self.scenario = scenario
+        self.fov_rad = fov_rad
+        self.size = size
+        self._world = _world(scenario)
         self._body = body
-        self._fov_rad = fov_rad
-        self._size = size
         self._moving = threading.Lock()
         self._going = False
-        self._last_ns: int | None = None
-        self._seq = 0
         body.reset(self._world.start, scenario.seed)
 
     def step(self, command: Twist, dt_s: float) -> None:
@@ -89,16 +127,10 @@ class Rehearsal:
         """Let the people walk from the next frame on; they stand still until then."""
         self._going = True
 
-    def look(self, now_ns: int) -> Frame:
-        """Let the people walk until `now_ns` and take a frame; from the camera's thread."""
+    def view(self, now_ns: int) -> View:
+        """Return what the camera has to know of this moment; from the camera's thread."""
         with self._moving:
-            robot, camera = self._body.pose, self._body.camera_pose
-        if self._going:
-            last_ns = now_ns if self._last_ns is None else self._last_ns
-            self._world.step((now_ns - last_ns) / 1e9, robot)
-            self._last_ns = now_ns
-        self._seq += 1
-        return take_frame(self._world, robot, camera, self._fov_rad, self._size, t_ns=now_ns, seq=self._seq)
+            return View(now_ns, self._body.pose, self._body.camera_pose, self._going)
 
 
 def film(
@@ -108,15 +140,36 @@ def film(
     publish: Callable[[Frame], None],
     ended: threading.Event,
 ) -> threading.Thread:
-    """Start a thread that takes frames at `rate_hz` and hands them to `publish` until `ended` is set."""
-
-    sys.setswitchinterval(SWITCH_S)
+    """Start a thread that has frames drawn at `rate_hz` and hands them to `publish` until `ended` is set."""
 
     def run() -> None:
+        context = multiprocessing.get_context("spawn")
+        here, there = context.Pipe()
+        drawing = context.Process(
+            target=_draw, args=(there, rehearsal.scenario, rehearsal.fov_rad, rehearsal.size), daemon=True
+        )
+        drawing.start()
+        there.close()
         pacer = Pacer(clock, rate_hz)
-        while not ended.is_set():
-            publish(rehearsal.look(pacer.wait().t_ns))
+        with here, contextlib.suppress(EOFError, BrokenPipeError):  # a camera that is gone shows nothing
+            while not ended.is_set():
+                here.send(rehearsal.view(pacer.wait().t_ns))
+                publish(here.recv())
+        drawing.join()
 
     thread = threading.Thread(target=run, name="camera", daemon=True)
     thread.start()
     return thread
+
+
+def _draw(pipe: Connection, scenario: Scenario, fov_rad: float, size: tuple[int, int]) -> None:
+    """Answer each view with its frame until the other end has closed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever films is told, and closes the pipe
+    studio = Studio(scenario, fov_rad, size)
+    with contextlib.suppress(EOFError, BrokenPipeError):
+        while True:
+            pipe.send(studio.take(pipe.recv()))
+
+
+def _world(scenario: Scenario) -> World:
+    return World(scenario.scene, seed=scenario.seed, target_speed_m_s=scenario.target_speed_m_s)

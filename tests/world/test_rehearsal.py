@@ -13,7 +13,7 @@ from adatracker_deploy.messages import MaskClass
 from adatracker_deploy.platform import CameraMount, Scenario, Twist
 from adatracker_deploy.runtime.clock import FakeClock
 from adatracker_deploy.world.bodies import DriveSettings, KinematicBody
-from adatracker_deploy.world.rehearsal import Rehearsal, film
+from adatracker_deploy.world.rehearsal import Rehearsal, Studio, film
 
 FOV_RAD = math.radians(90)
 STEP_S = 0.05
@@ -21,9 +21,23 @@ STEP_NS = 50_000_000
 AHEAD = Twist(vx=1.0)
 
 
+SIZE = (96, 64)
+
+
+class Stage(Rehearsal):
+    """A rehearsal with its studio in the same process."""
+
+    def __init__(self, scenario, body):
+        super().__init__(scenario, body, FOV_RAD, SIZE)
+        self._studio = Studio(scenario, FOV_RAD, SIZE)
+
+    def look(self, now_ns):
+        return self._studio.take(self.view(now_ns))
+
+
 def rehearsal(**scenario):
     body = KinematicBody(DriveSettings(camera=CameraMount(up_m=0.5)))
-    return Rehearsal(Scenario(**scenario), body, FOV_RAD, (96, 64)), body
+    return Stage(Scenario(**scenario), body), body
 
 
 def test_the_robot_starts_2_5_m_behind_the_target_and_sees_it():
@@ -101,7 +115,7 @@ class Jostled(KinematicBody):
 
 def test_driving_and_filming_at_once_never_show_half_a_step():
     body = Jostled(DriveSettings(camera=CameraMount(up_m=0.5)))
-    stage = Rehearsal(Scenario(), body, FOV_RAD, (96, 64))
+    stage = Stage(Scenario(), body)
     body.drive_on = lambda: stage.step(AHEAD, 1.0)
     truth = stage.look(STEP_NS).truth
     mounted = body.settings.camera.pose(truth.robot)
