@@ -7,6 +7,7 @@ sent on it any more, and only opening a new one helps.
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import select
 import socket
@@ -99,7 +100,8 @@ class Bus:
         """Stop listening and release the device; may be called twice."""
         self._closed = True
         self._thread.join()
-        self._driver.shutdown()
+        with contextlib.suppress(Exception):  # a device that is gone cannot be released any better
+            self._driver.shutdown()
 
     def _listen(self) -> None:
         try:

@@ -72,7 +72,7 @@ class WheeledPlatform(Platform):
             wire = Wire(self._connection, self.profile.limits, self.clock, self._watch)
             try:
                 wire.hear_state(self._refuse_when_closing)
-            except PlatformError:
+            except BaseException:  # a Ctrl-C too must not leave the bus open
                 wire.close()
                 raise
             self._helm.wire = wire
@@ -184,14 +184,16 @@ class WheeledPlatform(Platform):
         self._helm.withdraw()
         self._closing = True
         with self._turn:
-            wire = self._helm.wire
-            if wire is not None:
-                if self._helm.in_charge:
-                    with contextlib.suppress(PlatformError):  # the base's own time-out is the last resort
-                        self._disable(wire)
-                self._helm.wire = None
-                wire.close()
-            self._closing = False
+            try:
+                wire = self._helm.wire
+                if wire is not None:
+                    if self._helm.in_charge:
+                        with contextlib.suppress(PlatformError):  # the base's own time-out is the last resort
+                            self._disable(wire)
+                    self._helm.wire = None
+                    wire.close()
+            finally:
+                self._closing = False
 
     @classmethod
     def body(cls, profile: Profile) -> Body:
@@ -222,11 +224,7 @@ class WheeledPlatform(Platform):
         return wire.trouble(now_ns)
 
     def _disable(self, wire: Wire) -> None:
-        """Let the zeros out, then give the base back; until that went out it stays in this side's charge.
-
-        Raises:
-            PlatformError: the bus is lost, or had no room for the request.
-        """
+        """Let the zeros out, then give the base back; until that went out it stays in this side's charge."""
         wire.finish()
         if not wire.wait(lambda _: self._given_back(wire), _DISABLE_TIMEOUT_S):
             raise PlatformError(

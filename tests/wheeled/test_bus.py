@@ -94,6 +94,7 @@ class Driver:
         self.arrivals = queue.Queue()
         self.sent = []
         self.error = None
+        self.closed = 0
 
     def send(self, message):
         if self.error is not None:
@@ -110,7 +111,9 @@ class Driver:
         return arrived
 
     def shutdown(self):
-        pass
+        self.closed += 1
+        if self.error is not None:
+            raise self.error
 
 
 @pytest.fixture
@@ -239,6 +242,13 @@ def test_a_closed_bus_can_be_closed_again_and_tells_nobody(driver, heard):
     count = len(heard)
     bus.close()
     assert len(heard) == count
+
+
+def test_a_device_that_fails_when_it_is_released_harms_nobody(driver):
+    bus = Bus(driver, "can0 (test)", ignore)
+    driver.error = can.CanOperationError("No such device", 19)
+    bus.close()
+    assert driver.closed == 1
 
 
 # A far end that goes

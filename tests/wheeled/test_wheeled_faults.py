@@ -337,6 +337,17 @@ def test_limits_that_the_wire_cannot_say_are_refused():
         WheeledPlatform(wide, MonotonicClock()).connect()
 
 
+def test_a_connect_that_is_interrupted_leaves_no_thread_on_the_bus():
+    class Interrupted(MonotonicClock):
+        def sleep_until(self, t_ns):
+            raise KeyboardInterrupt
+
+    before = set(threading.enumerate())
+    with pytest.raises(KeyboardInterrupt):
+        WheeledPlatform(base_profile(), Interrupted()).connect()
+    assert not set(threading.enumerate()) - before
+
+
 # Whoever sends fails
 
 
