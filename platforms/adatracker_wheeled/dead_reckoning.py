@@ -10,6 +10,8 @@ from adatracker_deploy.platform import Twist
 
 LONGEST_STEP_S = 0.5
 """Nothing is known of what happened in a longer silence, and nothing is guessed: the pose stays."""
+_BUNCH_S = 0.1
+"""Frames are stamped when they arrive: held up, they come together, and each may tell of so much time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,6 +27,8 @@ class DeadReckoning:
     """After how many metres the wheels' counters start over."""
     fastest_m_s: float = 10.0
     """A wheel that rolled faster than this did not: the base was switched off and on, and counts anew."""
+    longest_step_s: float = LONGEST_STEP_S
+    """Of the clock that the readings' times are of."""
     pose: Pose = field(default_factory=Pose)
     wheels_m: tuple[float, float] | None = None
     t_ns: int | None = None
@@ -33,25 +37,27 @@ class DeadReckoning:
         """Take the left and the right wheel's distance since power-on, m, at `t_ns`."""
         step = replace(self, wheels_m=wheels_m, t_ns=t_ns)
         elapsed_s = self._elapsed_s(t_ns)
-        if elapsed_s == 0 or self.wheels_m is None or self.track_m is None:
+        if self.wheels_m is None or self.track_m is None or elapsed_s > self.longest_step_s:
             return step
         left, right = (
             self._unwrapped(now - before) for now, before in zip(wheels_m, self.wheels_m, strict=True)
         )
-        if max(abs(left), abs(right)) > self.fastest_m_s * elapsed_s:
+        if max(abs(left), abs(right)) > self.fastest_m_s * max(elapsed_s, _BUNCH_S):
             return step
         return replace(step, pose=_advance(self.pose, (left + right) / 2, 0.0, (right - left) / self.track_m))
 
     def moved(self, velocity: Twist, t_ns: int) -> DeadReckoning:
         """Take a body velocity that has held since the last step."""
+        step = replace(self, t_ns=t_ns)
         elapsed_s = self._elapsed_s(t_ns)
+        if not 0 < elapsed_s <= self.longest_step_s:
+            return step
         forward, left, turned = (rate * elapsed_s for rate in (velocity.vx, velocity.vy, velocity.yaw_rate))
-        return replace(self, t_ns=t_ns, pose=_advance(self.pose, forward, left, turned))
+        return replace(step, pose=_advance(self.pose, forward, left, turned))
 
     def _elapsed_s(self, t_ns: int) -> float:
-        """Return the time since the last step; 0 at the first, after a long silence and backwards in time."""
-        elapsed_s = 0.0 if self.t_ns is None else (t_ns - self.t_ns) / 1e9
-        return elapsed_s if 0 < elapsed_s <= LONGEST_STEP_S else 0.0
+        """Return the time since the last step; 0 at the first."""
+        return 0.0 if self.t_ns is None else (t_ns - self.t_ns) / 1e9
 
     def _unwrapped(self, difference_m: float) -> float:
         return difference_m if self.wrap_m is None else math.remainder(difference_m, self.wrap_m)

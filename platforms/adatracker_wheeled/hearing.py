@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from adatracker_wheeled.dead_reckoning import DeadReckoning
+from adatracker_wheeled.dead_reckoning import LONGEST_STEP_S, DeadReckoning
 from adatracker_wheeled.protocol import Malformed
 
 if TYPE_CHECKING:
@@ -36,9 +36,15 @@ class Heard:
 
 
 class Ear:
-    """Turns frames into a snapshot, from one thread; others only read `heard`."""
+    """Turns frames into a snapshot, from one thread; others only read `heard`.
 
-    def __init__(self, codec: Codec, roles: Roles) -> None:
+    Args:
+        codec: of the base.
+        roles: the same that the codec reads.
+        speed: the run's clock's seconds per second of the machine's.
+    """
+
+    def __init__(self, codec: Codec, roles: Roles, speed: float = 1.0) -> None:
         self.heard = Heard()
         self.malformed = 0
         """Frames of the base's that could not be believed; they changed nothing."""
@@ -47,7 +53,9 @@ class Ear:
         self._codec = codec
         self._by_wheels = bool(roles.odometry) and roles.wheels is not None
         self._reckoning = DeadReckoning(
-            track_m=roles.wheels.track_m if roles.wheels else None, wrap_m=codec.wheel_wrap_m
+            track_m=roles.wheels.track_m if roles.wheels else None,
+            wrap_m=codec.wheel_wrap_m,
+            longest_step_s=LONGEST_STEP_S * speed,
         )
 
     def forget(self) -> None:

@@ -45,7 +45,7 @@ class Wire:
     ) -> None:
         self.codec = Codec(connection.roles)
         self.codec.check_limits(limits)
-        self.ear = Ear(self.codec, connection.roles)
+        self.ear = Ear(self.codec, connection.roles, clock.speed)
         self._connection = connection
         self._timing = connection.roles.timing
         self._clock = clock

@@ -78,9 +78,16 @@ def test_what_happened_in_a_long_silence_is_not_guessed():
     assert moving.pose == Pose()
 
 
-def test_time_that_runs_backwards_moves_nothing():
-    before = roll(START, [(0.0, 0.0), (0.01, 0.01)])
-    assert before.rolled((0.02, 0.02), STEP_NS).pose == before.pose
+@pytest.mark.parametrize("gap_ns", [0, 1, 1_000_000])
+def test_readings_that_arrive_in_a_bunch_lose_no_distance(gap_ns):
+    reckoning = START.rolled((0.0, 0.0), STEP_NS)
+    for i in (1, 2, 3):
+        reckoning = reckoning.rolled((0.03 * i, 0.03 * i), 4 * STEP_NS + i * gap_ns)
+    assert place(reckoning) == pytest.approx((0.09, 0.0, 0.0))
+
+
+def test_a_velocity_holds_for_no_time_when_time_runs_backwards():
+    assert DeadReckoning(t_ns=STEP_NS).moved(Twist(vx=1.0), 0).pose == Pose()
 
 
 def test_without_a_track_the_wheels_tell_no_pose():

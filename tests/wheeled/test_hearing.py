@@ -110,6 +110,13 @@ def test_the_pose_starts_where_the_base_was_first_heard_and_follows_its_wheels()
     assert one.heard.motion == Twist(vx=1.0)
 
 
+def test_a_pause_is_as_long_as_the_machine_takes_it_to_be_at_any_clock_speed():
+    one = Ear(CODEC, ROLES, speed=5.0)
+    for now_ns, rolled_m in ((NOW_NS, 0.0), (NOW_NS + 2_000_000_000, 3.0)):  # 0.4 s of the machine's
+        hear(one, CODEC.feedback_frames(Reading(motion=Twist(), wheels_m=(rolled_m, rolled_m))), now_ns)
+    assert one.heard.pose.x == pytest.approx(3.0)
+
+
 def test_after_a_lost_bus_nothing_counts_but_the_pose():
     one = ear()
     hear(one, status_frames(1))
