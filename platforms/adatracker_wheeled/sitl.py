@@ -104,6 +104,7 @@ def _run(args: argparse.Namespace) -> int:
     from adatracker_deploy.world.rehearsal import film
     from adatracker_wheeled.far_end import FarEnd
 
+    _check_ports(args)
     connection, settings, rate_hz = _described(args)
     clock = far_end_clock(args)
     scenario = Scenario(scene=args.scene, target_speed_m_s=args.target_speed, seed=args.seed)
@@ -121,10 +122,18 @@ def _run(args: argparse.Namespace) -> int:
     return 0
 
 
+def _check_ports(args: argparse.Namespace) -> None:
+    for option, port in (("--port", args.port), ("--camera-port", args.camera_port)):
+        if not 0 <= port <= 65535:
+            raise UsageError(f"{option} {port}: expected 0 to 65535")
+
+
 def _described(args: argparse.Namespace) -> tuple[Connection, SitlSettings, float]:
     """Return the base by its two sections, or by the profile that was named."""
     if args.connection is None or args.settings is None:
-        profile = load_profile(args.profile)
+        from adatracker_wheeled.platform import WheeledPlatform
+
+        profile = load_profile(args.profile, WheeledPlatform)
         return profile.connection, profile.sitl, args.camera_rate_hz or profile.camera.rate_hz
     return (
         parse(Connection, json.loads(args.connection), where="connection"),

@@ -287,9 +287,22 @@ def test_by_hand_it_takes_a_profile_and_a_port_and_says_where_its_camera_is():
         assert process.wait(5.0) == 0
 
 
-def test_what_cannot_be_is_refused_in_a_line(capsys):
-    assert main(["--profile", "unicycle"]) == 2
-    assert "unknown profile 'unicycle'" in capsys.readouterr().out
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        (["--profile", "unicycle"], "unknown profile 'unicycle'"),
+        (["--profile", "go2"], "is a profile for platform 'quadruped', not 'wheeled'"),
+        (["--port", "70000"], "--port 70000: expected 0 to 65535"),
+        (["--camera-port", "-1"], "--camera-port -1: expected 0 to 65535"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_a_line(capsys, asked, said):
+    assert main(asked) == 2
+    (line,) = capsys.readouterr().out.splitlines()
+    assert said in line
+
+
+def test_a_port_in_use_is_refused_in_a_line(capsys):
     with rehearsal() as (_, profile, _):
         assert main(["--port", str(profile.connection.port)]) == 2
         assert "in use" in capsys.readouterr().out.lower()
