@@ -94,8 +94,6 @@ class Base:
             return
         if demand is None:
             return
-        if demand.clear_errors:
-            self.faults.discard("fault")
         if demand.disable:
             self._enter("standby")
         if demand.enable or (demand.twist is not None and not self._roles.enable):

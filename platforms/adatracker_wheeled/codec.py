@@ -24,7 +24,7 @@ from adatracker_wheeled.status import StatusCodec, worst
 FASTEST = 100.0
 """Nothing above this, in m/s or rad/s, is a command for a base."""
 
-_REQUESTS = ("enable", "disable", "clear_errors", "release_brake")
+_REQUESTS = ("enable", "disable", "release_brake")
 
 
 class Codec:
@@ -99,10 +99,6 @@ class Codec:
     def disable(self, count: int = 0) -> tuple[CanFrame, ...]:
         """Return the frames that ask the base to obey no longer."""
         return self._request("disable", count)
-
-    def clear_errors(self, count: int = 0) -> tuple[CanFrame, ...]:
-        """Return the frames that clear latched errors."""
-        return self._request("clear_errors", count)
 
     def release_brake(self, count: int = 0) -> tuple[CanFrame, ...]:
         """Return the frames that release the parking brake."""

@@ -76,5 +76,4 @@ class Demand:
     twist: Twist | None = None
     enable: bool = False
     disable: bool = False
-    clear_errors: bool = False
     release_brake: bool = False

@@ -173,7 +173,6 @@ class Roles:
     command: tuple[Linked, ...]
     enable: tuple[Fixed, ...] = ()
     disable: tuple[Fixed, ...] = ()
-    clear_errors: tuple[Fixed, ...] = ()
     release_brake: tuple[Fixed, ...] = ()
     state: State
     feedback: tuple[Linked, ...]

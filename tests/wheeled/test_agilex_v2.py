@@ -35,7 +35,6 @@ def test_requests_are_one_byte_each(name):
     codec = codec_of(name)
     assert codec.enable() == (CanFrame(0x421, b"\x01"),)
     assert codec.disable() == (CanFrame(0x421, b"\x00"),)
-    assert codec.clear_errors() == (CanFrame(0x441, b"\x00"),)
 
 
 def test_only_a_hunter_has_a_brake_to_release():
@@ -154,7 +153,6 @@ def test_the_far_end_wraps_its_counters_around():
 def test_the_far_end_reads_each_request():
     assert HUNTER.parse_command(frame(0x421, [1])) == Demand(enable=True)
     assert HUNTER.parse_command(frame(0x421, [0])) == Demand(disable=True)
-    assert HUNTER.parse_command(frame(0x441, [0])) == Demand(clear_errors=True)
     assert HUNTER.parse_command(frame(0x131, [0])) == Demand(release_brake=True)
 
 
@@ -198,6 +196,11 @@ def test_the_dbc_also_tells_of_each_motor(motor):
         "MotorTemperature": 40,
         "DriverState": 0x42,
     }
+
+
+def test_the_dbc_also_tells_how_errors_are_cleared_by_hand():
+    message = cantools.database.load_file(find_dbc("agilex_v2.dbc")).get_message_by_name("ErrorClear")
+    assert (message.frame_id, message.encode({"Code": 0})) == (0x441, b"\x00")
 
 
 def test_the_dbc_also_tells_of_the_brake_and_the_batterys_health():

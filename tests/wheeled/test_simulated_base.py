@@ -113,14 +113,6 @@ def test_nothing_moves_while_a_stop_or_a_fault_holds(fault):
     assert drive.command(AHEAD).demand == AHEAD
 
 
-def test_a_fault_is_cleared_on_request_and_an_emergency_stop_is_not():
-    drive = Drive().begin("fault").begin("emergency_stop")
-    drive.say(drive.codec.clear_errors())
-    status = drive.status()
-    assert not status.fault
-    assert status.emergency_stop
-
-
 def test_a_hunter_does_not_move_before_its_brake_is_released():
     drive = Drive("hunter")
     drive.say(drive.codec.enable()).command(Twist(vx=0.5))
