@@ -1,5 +1,6 @@
 """Every byte of AgileX protocol v2, against vectors packed by hand from its published layouts."""
 
+import math
 import struct
 
 import cantools
@@ -26,7 +27,7 @@ def test_a_command_is_four_signed_thousandths_big_endian():
 
 def test_a_hunter_steers_in_the_last_two_bytes_and_leaves_the_yaw_rate_out():
     said, frames = HUNTER.command(Twist(vx=1.0, yaw_rate=10.0))
-    assert frames == (CanFrame(0x111, bytes.fromhex("03e8 0000 0000 0190")),)  # 0.4 rad, its largest
+    assert frames == (CanFrame(0x111, bytes.fromhex("03e8 0000 0000 0244")),)  # 0.58 rad, its largest
     assert 0 < said.yaw_rate < 10.0
 
 
@@ -50,9 +51,14 @@ def test_motion_feedback_is_read_as_packed(linear, angular):
     assert reading.motion.yaw_rate == pytest.approx(angular / 1000)
 
 
+def test_a_hunter_turns_no_tighter_than_its_largest_central_angle():
+    said, _ = HUNTER.command(Twist(vx=1.0, yaw_rate=10.0))
+    assert said.yaw_rate == pytest.approx(math.tan(0.461) / 0.65, rel=0.02)  # AgileX rounds the inner 0.58
+
+
 def test_a_hunters_motion_is_its_speed_and_what_its_inner_wheel_says_of_the_turn():
     reading = HUNTER.parse(frame(0x221, struct.pack(">hhhh", 1000, 0, 0, 384)))
-    radius_m = 0.65 / 0.40403 + 0.55 / 2  # L / tan(0.384 rad) + half the front track
+    radius_m = 0.65 / 0.40403 + 0.605 / 2  # L / tan(0.384 rad) + half the front track
     assert reading.motion.yaw_rate == pytest.approx(1 / radius_m, rel=1e-3)
 
 
