@@ -155,13 +155,13 @@ class Codec:
         """Return what a frame asks of the base, or None when no role of that direction names it.
 
         Raises:
-            Malformed: as in `parse`.
+            Malformed: as in `parse`, but an oversized frame is taken by its first bytes.
         """
         told = self._to_base.read(frame)
         return None if told is None else Demand(**told)
 
     def _listen_to_commands(self) -> Dispatch:
-        dispatch = Dispatch()
+        dispatch = Dispatch(padded=True)  # AgileX's public SDK fills requests of one byte up to eight
         dispatch.add_parts(self._command, lambda said: {"twist": self._drive.twist(said)})
         for name, parts in self._requests.items():
             dispatch.add_parts(parts, partial(_ask, name))

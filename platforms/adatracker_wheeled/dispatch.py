@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, Generic, TypeVar
 
 from adatracker_deploy.errors import UsageError
@@ -34,9 +35,14 @@ class Gather(Generic[T]):
 
 
 class Dispatch:
-    """The messages that one side listens to."""
+    """The messages that one side listens to.
 
-    def __init__(self) -> None:
+    Args:
+        padded: a frame may be longer than its message; the bytes at its end are ignored.
+    """
+
+    def __init__(self, *, padded: bool = False) -> None:
+        self._padded = padded
         self._known: dict[tuple[int, bool], tuple[Layout, list[Reader]]] = {}
 
     def add(self, layout: Layout, reader: Reader) -> None:
@@ -66,6 +72,8 @@ class Dispatch:
         if known is None:
             return None
         layout, readers = known
+        if self._padded:
+            frame = replace(frame, data=frame.data[: layout.length])
         raws = layout.decode(frame)
         told: Told = {}
         for reader in readers:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from shipped_roles import codec_of, frame
 
 from adatracker_deploy.platform import Twist
-from adatracker_wheeled.dbc import find_dbc
+from adatracker_wheeled.dbc import Database, find_dbc
 from adatracker_wheeled.protocol import BaseStatus, CanFrame, Demand, Malformed, Reading
 
 i16 = st.integers(-(2**15), 2**15 - 1)
@@ -174,7 +174,14 @@ def test_a_short_frame_is_malformed(data):
 
 def test_an_oversized_frame_is_malformed():
     with pytest.raises(Malformed, match="8 bytes instead of 1"):
-        SCOUT.parse_command(frame(0x421, b"\x01" + b"\x00" * 7))
+        Database("agilex_v2.dbc", "none").layout("ControlMode").decode(frame(0x421, bytes(8)))
+
+
+def test_a_request_may_be_padded_as_agilexs_own_sdk_does_but_not_short():
+    assert HUNTER.parse_command(frame(0x421, b"\x01" + bytes(7))) == Demand(enable=True)
+    assert HUNTER.parse_command(frame(0x131, b"\x00" + b"\xff" * 7)) == Demand(release_brake=True)
+    with pytest.raises(Malformed, match="0 bytes instead of 1"):
+        HUNTER.parse_command(frame(0x421, b""))
 
 
 def test_a_charge_above_all_is_malformed():
