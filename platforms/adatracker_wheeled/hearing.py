@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from adatracker_wheeled.protocol import BaseStatus, CanFrame
     from adatracker_wheeled.roles import Roles, Timing
 
+_REST_M_S, _REST_RAD_S = 0.05, 0.1
+"""Measured motion below both is rest."""
 _MOST_IDS = 64
 """Of strangers' frames, remembered to explain why a base is not understood."""
 _V1_STATE, _V2_STATE = 0x151, 0x211
@@ -33,6 +35,12 @@ class Heard:
     pose: Pose | None = None
     """By dead reckoning, from where the base stood when it was first heard."""
     battery: float | None = None
+
+    @property
+    def at_rest(self) -> bool:
+        """The base was measured to stand."""
+        motion = self.motion
+        return motion is not None and abs(motion.vx) < _REST_M_S and abs(motion.yaw_rate) < _REST_RAD_S
 
 
 class Ear:

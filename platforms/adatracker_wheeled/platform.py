@@ -33,8 +33,6 @@ if TYPE_CHECKING:
 
 _DISABLE_TIMEOUT_S = 0.2
 _REST_TIMEOUT_S = 3.0
-_REST_M_S, _REST_RAD_S = 0.05, 0.1
-"""Measured motion below both is rest."""
 
 
 class WheeledPlatform(Platform):
@@ -171,7 +169,7 @@ class WheeledPlatform(Platform):
             self._disable(wire)
 
             def stands(heard: Heard) -> bool:
-                return heard.motion_t_ns > asked_ns and _at_rest(heard.motion)
+                return heard.motion_t_ns > asked_ns and heard.at_rest
 
             if not wire.wait(stands, _REST_TIMEOUT_S, self._refuse_when_closing):
                 raise PlatformError(
@@ -254,7 +252,3 @@ class WheeledPlatform(Platform):
     def _refuse_when_closing(self) -> None:
         if self._closing:
             raise PlatformError("the connection is being closed")
-
-
-def _at_rest(motion: Twist | None) -> bool:
-    return motion is not None and abs(motion.vx) < _REST_M_S and abs(motion.yaw_rate) < _REST_RAD_S
