@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 BODY_RADIUS_M = 0.3
 """How near an obstacle counts as a collision, and is kept off."""
+LOOK_S = 0.05
+"""How often somebody who waits for a picture looks whether the film has ended."""
 RGB_SHARE = 2
 """Colours, which only people look at, are cast at half the resolution: a third of the time, so that
 a rehearsal at five times real time keeps up."""
@@ -154,7 +156,12 @@ def film(
         with here, contextlib.suppress(EOFError, BrokenPipeError):  # a camera that is gone shows nothing
             while not ended.is_set():
                 here.send(rehearsal.view(pacer.wait().t_ns))
-                publish(here.recv())
+                while not here.poll(LOOK_S):
+                    if ended.is_set():
+                        break
+                else:
+                    publish(here.recv())
+        drawing.terminate()
         drawing.join()
 
     thread = threading.Thread(target=run, name="camera", daemon=True)
