@@ -153,7 +153,7 @@ def film(
         drawing.start()
         there.close()
         pacer = Pacer(clock, rate_hz)
-        with here, contextlib.suppress(EOFError, BrokenPipeError):  # a camera that is gone shows nothing
+        with here, contextlib.suppress(EOFError, ConnectionError):  # a camera that is gone shows nothing
             while not ended.is_set():
                 here.send(rehearsal.view(pacer.wait().t_ns))
                 while not here.poll(LOOK_S):
@@ -173,7 +173,7 @@ def _draw(pipe: Connection, scenario: Scenario, fov_rad: float, size: tuple[int,
     """Answer each view with its frame until the other end has closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever films is told, and closes the pipe
     studio = Studio(scenario, fov_rad, size)
-    with contextlib.suppress(EOFError, BrokenPipeError):
+    with contextlib.suppress(EOFError, ConnectionError):
         while True:
             pipe.send(studio.take(pipe.recv()))
 
