@@ -43,8 +43,9 @@ class AdaTrackerConfig:
     """Size of z: a body is a handful of numbers (height, pitch, field of view, limits, lag, delay); 0 without
     an encoder."""
     encoder_hidden: Annotated[int, Range(1, 4096)] = 64
-    hidden: Annotated[int, Range(1, 4096)] = 64
-    """H of the policy's LSTM; 64 as in the published Offline-EVT policy."""
+    hidden: Annotated[int, Range(1, 4096)] = 128
+    """H of the policy's LSTM. The published Offline-EVT policy has 64 and one body; here, what is remembered
+    of the target comes with what was commanded to a body that obeys late."""
     actor: Annotated[int, Range(1, 4096)] = 128
     """Width of the actor's hidden layer."""
     last_action: bool = False

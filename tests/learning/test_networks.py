@@ -28,7 +28,7 @@ def test_the_default_networks_take_batches_of_histories_and_sequences():
     mean, log_std, (h, c) = ContextPolicy(config)(torch.rand(2, 7, 3, 64, 64), z[:, None].expand(-1, 7, -1))
     reward, height = ContextHeads(config)(z)
     shapes = [tuple(t.shape) for t in (z, mean, log_std, h, c, reward, height)]
-    assert shapes == [(2, 16), (2, 7, 2), (2, 7, 2), (1, 2, 64), (1, 2, 64), (2,), (2,)]
+    assert shapes == [(2, 16), (2, 7, 2), (2, 7, 2), (1, 2, 128), (1, 2, 128), (2,), (2,)]
 
 
 def test_offline_evt_takes_sequences_of_colour_masks():
