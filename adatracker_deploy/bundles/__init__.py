@@ -1,1 +1,1 @@
-"""The policy bundles that are shipped, one folder each; none yet, so that `pid` is the default policy."""
+"""The policy bundles that are shipped, one folder each with its model card; `pid` stays the default policy."""
