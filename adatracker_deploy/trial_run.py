@@ -46,6 +46,8 @@ STANDSTILL_TIMEOUT_S = 5.0
 STANDSTILL_M_S = 0.25
 """Slower than this counts as standing: just above the velocity noise of a small drone's estimator."""
 POLL_S = 0.02
+LOOK_HZ = 200.0
+"""How often, in machine time, a camera that sends by itself is looked at: a frame waits 5 ms at most."""
 IMAGE_SIZE = (160, 160)
 """Of the virtual camera, px: the size at which masks are drawn for policies."""
 
@@ -179,9 +181,9 @@ class _Trial:
     def _engage_and_follow(self, camera: Camera, profile: Profile) -> Ending:
         plan = self.plan
         self._engage()
-        perception = self.stack.enter_context(
-            Perception(camera, segment_truth, self.clock, profile.camera.rate_hz)
-        )
+        drawn = isinstance(camera, WorldCamera)
+        rate_hz = profile.camera.rate_hz if drawn else LOOK_HZ * self.clock.speed
+        perception = self.stack.enter_context(Perception(camera, segment_truth, self.clock, rate_hz))
         self.progress.phase("looking for the person")
         self._await_first_sight(perception)
         plan.policy.reset(plan.scenario.seed)

@@ -24,7 +24,7 @@ class Seen(NamedTuple):
 
 
 class Perception:
-    """Reads and segments frames at a steady rate in a thread of its own."""
+    """Looks for a new frame at a steady rate, and segments it, in a thread of its own."""
 
     def __init__(self, camera: Camera, segmenter: Segmenter, clock: Clock, rate_hz: float) -> None:
         self._camera = camera
@@ -65,7 +65,7 @@ class Perception:
         try:
             while not self._ending.is_set():
                 frame = self._camera.read(pacer.wait().t_ns)
-                if frame is not None:
+                if frame is not None and (self._newest is None or frame.seq != self._newest.frame.seq):
                     self._newest = Seen(frame, self._segmenter(frame))
         except Exception as error:  # handed to whoever asks next
             self._error = error
