@@ -142,27 +142,34 @@ def profile(tmp_path, station):
     return path
 
 
-@pytest.fixture
-def fly(tmp_path, profile):
-    """Start the command; whatever is left of it at the end of the test is killed."""
+@contextlib.contextmanager
+def started(folder, *common: str):
+    """Give what starts the command with `common` and more; what is left of it in the end is killed."""
     flights: list[Flight] = []
     families: list[int] = []
 
     def start(*arguments: str, command: list[str] = COMMAND) -> Flight:
-        flight = Flight(
-            [*command, "--platform", "drone", "--sitl", "--profile", str(profile), *arguments], tmp_path
-        )
+        flight = Flight([*command, *common, *arguments], folder)
         flights.append(flight)
         return flight
 
-    yield start
-    for flight in flights:
-        with contextlib.suppress(FileNotFoundError, ProcessLookupError):
-            families.extend(flight.children())
-        flight.process.kill()
-        flight.process.wait()
-        flight.process.stdout.close()
-        flight.process.stderr.close()
-    for pid in families:
-        with contextlib.suppress(ProcessLookupError):
-            os.kill(pid, signal.SIGKILL)
+    try:
+        yield start
+    finally:
+        for flight in flights:
+            with contextlib.suppress(FileNotFoundError, ProcessLookupError):
+                families.extend(flight.children())
+            flight.process.kill()
+            flight.process.wait()
+            flight.process.stdout.close()
+            flight.process.stderr.close()
+        for pid in families:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+
+
+@pytest.fixture
+def fly(tmp_path, profile):
+    """Start the drone's rehearsal."""
+    with started(tmp_path, "--platform", "drone", "--sitl", "--profile", str(profile)) as start:
+        yield start

@@ -5,6 +5,7 @@ The watchers share no code with the robots' packages: one reads socketcand's tex
 
 from __future__ import annotations
 
+import abc
 import itertools
 import json
 import math
@@ -86,7 +87,7 @@ class Watcher:
         return math.fsum(a.speed_m_s * (b.t_s - a.t_s) for a, b in itertools.pairwise(later))
 
 
-class GroundRobot:
+class GroundRobot(abc.ABC):
     """A far end by hand, the cable to it, the profile that goes through the cable, and a watcher."""
 
     module: str
@@ -111,17 +112,17 @@ class GroundRobot:
         self.profile.write_text(yaml.safe_dump(document))
         self.watch()
 
-    def port(self) -> int:
-        raise NotImplementedError
+    @abc.abstractmethod
+    def port(self) -> int: ...
 
-    def connect(self, document) -> None:
-        raise NotImplementedError
+    @abc.abstractmethod
+    def connect(self, document) -> None: ...
 
-    def watch(self) -> None:
-        raise NotImplementedError
+    @abc.abstractmethod
+    def watch(self) -> None: ...
 
-    def unwatch(self) -> None:
-        raise NotImplementedError
+    @abc.abstractmethod
+    def unwatch(self) -> None: ...
 
     def close(self) -> None:
         self.unwatch()

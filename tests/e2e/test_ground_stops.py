@@ -17,7 +17,7 @@ from pathlib import Path
 
 import pytest
 
-from .conftest import COMMAND, Flight
+from .conftest import started
 from .ground_robots import ROBOTS
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(120)]
@@ -41,28 +41,9 @@ def robot(request, tmp_path):
 
 @pytest.fixture
 def drive(tmp_path, robot):
-    """Start the command against the robot by hand; whatever is left of it at the end is killed."""
-    runs: list[Flight] = []
-    families: list[int] = []
-
-    def start(*arguments: str, command=COMMAND) -> Flight:
-        run = Flight(
-            [*command, "--platform", robot.name, "--profile", str(robot.profile), *arguments], tmp_path
-        )
-        runs.append(run)
-        return run
-
-    yield start
-    for run in runs:
-        with contextlib.suppress(FileNotFoundError, ProcessLookupError):
-            families.extend(run.children())
-        run.process.kill()
-        run.process.wait()
-        run.process.stdout.close()
-        run.process.stderr.close()
-    for pid in families:
-        with contextlib.suppress(ProcessLookupError):
-            os.kill(pid, signal.SIGKILL)
+    """Start the command against the robot, whose far end was started by hand."""
+    with started(tmp_path, "--platform", robot.name, "--profile", str(robot.profile)) as start:
+        yield start
 
 
 def stopped(measured, robot, what: str, onset_s: float, limit_s: float) -> float:

@@ -124,3 +124,11 @@ def until(condition, within_s=5.0):
         assert time.monotonic() - begin_s < within_s, "waited in vain"
         pause.wait(0.002)
     return time.monotonic() - begin_s
+
+
+@contextlib.contextmanager
+def tapped(profile=None):
+    """A connected adapter, its base, and somebody who listens."""
+    profile = profile or base_profile()
+    with contextlib.closing(Tap(profile)) as tap, drive(profile) as (platform, far_end):
+        yield platform, far_end, tap
