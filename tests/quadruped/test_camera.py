@@ -88,8 +88,19 @@ def newest(camera):
 
 
 def caught_up(camera, lens):
-    """Wait for the last picture taken."""
-    until(lambda: newest(camera).rgb[0, 0, 0] == lens.shots % 256)
+    """Wait for the last picture taken; one that the wire has dropped, as it may, is taken again."""
+    asked_s = time.monotonic()
+
+    def there():
+        nonlocal asked_s
+        if newest(camera).rgb[0, 0, 0] == lens.shots % 256:
+            return True
+        if time.monotonic() > asked_s + 0.5:
+            asked_s = time.monotonic()
+            lens.shoot()
+        return False
+
+    until(there)
 
 
 def ends_after(camera, match):
@@ -198,10 +209,18 @@ def test_each_image_of_a_rehearsal_has_the_truth_of_its_own_stamp(profile):
         token = session.liveliness().declare_token(SitlKeys(connection).alive)
         opened(camera, lens)
         for burst in (1, 1, 5, 1, 20, 3):
+            before = newest(camera).seq
             for _ in range(burst):
                 lens.shoot()
-            caught_up(camera, lens)
-            assert newest(camera).truth.distance_m == lens.shots
+
+            def another_came(before=before):
+                if newest(camera).seq == before:
+                    lens.shoot()  # a burst may be dropped to the last, as the wire's congestion control says
+                return newest(camera).seq > before
+
+            until(another_came)
+            frame = newest(camera)
+            assert frame.truth.distance_m % 256 == frame.rgb[0, 0, 0]
         camera.close()
         token.undeclare()
 
