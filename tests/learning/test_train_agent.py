@@ -80,8 +80,19 @@ def test_a_visit_answers_as_the_exported_policy_and_as_training_sees_the_sequenc
         np.testing.assert_allclose(last[0], wanted[tick], atol=1e-4)
     sequences = Sequences.of(batch_of(masks[None], wanted[None], past=max(config.history, 1)))
     with torch.no_grad():
-        mean, _ = agent.policy.actor(agent.recall(sequences).x)
+        mean, _ = agent.policy.actor(agent.recall(sequences, context_every=1).x)
     np.testing.assert_allclose(torch.tanh(mean[0]), wanted, atol=1e-4)
+
+
+def test_training_keeps_a_context_for_some_steps():
+    agent = an_agent(CONFIGS["whole"])
+    actions = np.random.default_rng(3).uniform(-1, 1, (1, STEPS, 2)).astype(np.float32)
+    sequences = Sequences.of(batch_of(classes(1, STEPS), actions, past=agent.config.history))
+    with torch.no_grad():
+        every, kept = agent.recall(sequences, context_every=1).z, agent.recall(sequences, context_every=3).z
+    assert kept.shape == every.shape
+    for step in range(STEPS):
+        np.testing.assert_allclose(kept[:, step], every[:, step - step % 3], atol=1e-6)
 
 
 def test_a_new_episode_begins_as_the_first_did_and_leaves_the_others_alone():

@@ -36,6 +36,11 @@ def drawn(classes: NDArray[np.uint8]) -> Tensor:
     return functional.embedding(torch.from_numpy(classes).int(), _COLOURS).movedim(-1, -3)
 
 
+CONTEXT_EVERY = 4
+"""Steps for which training keeps a context; each costs K steps of the encoder's LSTM. At deployment there is
+a new one every tick: it changes little in between, as the consistency task asks."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sequences:
     """A `Batch` as tensors, its masks drawn; K steps of past before L steps."""
@@ -108,19 +113,25 @@ class Agent(nn.Module):
             self.heads, self.dynamics = ContextHeads(config), DynamicsHead(config)
         self.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
-    def recall(self, sequences: Sequences) -> Recalled:
-        """Run over sequences; the policy's memory begins empty at their first step."""
+    def recall(self, sequences: Sequences, context_every: int = CONTEXT_EVERY) -> Recalled:
+        """Run over sequences; the policy's memory begins empty at their first step.
+
+        Args:
+            sequences: on the networks' device.
+            context_every: steps for which a context is kept.
+        """
         features = self.policy.backbone.sequences(sequences.masks)
         past = features.shape[1] - sequences.valid.shape[1]
         z = None
         if self.encoder is not None:
-            z = self._contexts(self.encoder, features, sequences.actions)
+            z = self._contexts(self.encoder, features, sequences.actions, context_every)
         last_actions = sequences.actions[:, past - 1 : -1] if self.config.last_action else None
         x, _ = self.policy.recall(features[:, past:], z, None, last_actions)
         return Recalled(x, z)
 
-    def _contexts(self, encoder: ContextEncoder, features: Tensor, actions: Tensor) -> Tensor:
-        """Return z (B, L, Z): of each step, from the K pairs before it."""
+    def _contexts(self, encoder: ContextEncoder, features: Tensor, actions: Tensor, every: int) -> Tensor:
+        """Return z (B, L, Z), made from the K pairs before every `every`-th step."""
         pairs = torch.cat((features, actions), dim=-1)[:, :-1]
-        windows = pairs.unfold(1, self.config.history, 1).transpose(2, 3)
-        return encoder.summarise(windows.flatten(0, 1)).reshape(*windows.shape[:2], -1)
+        windows = pairs.unfold(1, self.config.history, every).transpose(2, 3)
+        z = encoder.summarise(windows.flatten(0, 1)).reshape(*windows.shape[:2], -1)
+        return z.repeat_interleave(every, dim=1)[:, : features.shape[1] - self.config.history]
