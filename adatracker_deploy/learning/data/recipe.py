@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, get_args
@@ -12,7 +12,7 @@ import numpy as np
 import yaml
 
 from adatracker_deploy.errors import UsageError
-from adatracker_deploy.learning.embodiment import BodyKind, Embodiment
+from adatracker_deploy.learning.embodiment import DRONE_DELAY_S, DRONE_LAG_S, BodyKind, Embodiment
 from adatracker_deploy.learning.episode_spec import RATE_HZ, EpisodeSpec
 from adatracker_deploy.learning.noise import NoiseLevel
 from adatracker_deploy.learning.view import pitch_in_view_deg
@@ -112,6 +112,8 @@ class Recipe:
             lag_s=self.lag_s.draw(rng),
             delay_s=round(self.delay_steps.draw(rng)) / RATE_HZ,
         )
+        if kind == "drone":
+            embodiment = replace(embodiment, lag_s=DRONE_LAG_S, delay_s=DRONE_DELAY_S)
         return EpisodeSpec(
             seed=seed,
             embodiment=embodiment,
