@@ -43,7 +43,7 @@ def main(argv: list[str] | None = None) -> int:
 
 def _parser(*, with_commands: bool) -> argparse.ArgumentParser:
     """Return the parser; without commands a misspelt option is not taken for one of them."""
-    from adatracker_deploy.cli import collect, evaluate, filmstrip, lists, run, score, train
+    from adatracker_deploy.cli import ablate, collect, evaluate, filmstrip, lists, run, score, train
 
     parser = _Parser(
         prog="adatracker-deploy",
@@ -55,6 +55,6 @@ def _parser(*, with_commands: bool) -> argparse.ArgumentParser:
     if not with_commands:
         return parser
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", parser_class=_Parser)
-    for module in (score, filmstrip, evaluate, collect, train, lists):
+    for module in (score, filmstrip, evaluate, collect, train, ablate, lists):
         module.add_parser(commands)
     return parser

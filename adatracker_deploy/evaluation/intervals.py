@@ -27,6 +27,11 @@ class Estimate:
         """The sign is told."""
         return self.low > 0 or self.high < 0
 
+    @property
+    def bounds(self) -> list[float | None]:
+        """Both bounds, None where there is none."""
+        return [bound if math.isfinite(bound) else None for bound in (self.low, self.high)]
+
 
 def mean_estimate(values: Sequence[float]) -> Estimate:
     """Return the mean of independent values with Student's t interval; a single value bounds nothing.
@@ -41,6 +46,28 @@ def mean_estimate(values: Sequence[float]) -> Estimate:
         return Estimate(mean, -math.inf, math.inf)
     half = t_quantile(len(values) - 1) * statistics.stdev(values) / math.sqrt(len(values))
     return Estimate(mean, mean - half, mean + half)
+
+
+def mean_difference(ours: Sequence[float], theirs: Sequence[float]) -> Estimate:
+    """Return mean less mean of independent values with Welch's interval, its degrees of freedom rounded down.
+
+    Source: B. L. Welch, "The generalization of 'Student's' problem when several different population
+    variances are involved", 1947. A single value on either side bounds nothing.
+
+    Raises:
+        ValueError: there are no values.
+    """
+    if not ours or not theirs:
+        raise ValueError("no values to compare")
+    less = statistics.fmean(ours) - statistics.fmean(theirs)
+    if min(len(ours), len(theirs)) == 1:
+        return Estimate(less, -math.inf, math.inf)
+    first, second = (statistics.variance(values) / len(values) for values in (ours, theirs))
+    if first + second == 0.0:
+        return Estimate(less, less, less)
+    freedom = (first + second) ** 2 / (first**2 / (len(ours) - 1) + second**2 / (len(theirs) - 1))
+    half = t_quantile(max(1, math.floor(freedom + 1e-9))) * math.sqrt(first + second)
+    return Estimate(less, less - half, less + half)
 
 
 def share_estimate(hits: int, count: int) -> Estimate:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any
 
 from adatracker_deploy.evaluation.grid import CELLS, Cell
@@ -14,7 +13,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from adatracker_deploy.evaluation.grid import Grid
-    from adatracker_deploy.evaluation.intervals import Estimate
 
 Record = dict[str, Any]
 
@@ -97,8 +95,4 @@ def _values(metrics: Metrics) -> dict[str, float]:
 
 
 def _intervals(metrics: Metrics) -> dict[str, list[float | None]]:
-    return {metric: _bounds(getattr(metrics, metric)) for metric in METRICS}
-
-
-def _bounds(estimate: Estimate) -> list[float | None]:
-    return [bound if math.isfinite(bound) else None for bound in (estimate.low, estimate.high)]
+    return {metric: getattr(metrics, metric).bounds for metric in METRICS}

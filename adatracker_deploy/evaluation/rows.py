@@ -7,6 +7,8 @@ import statistics
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from rich.text import Text
+
 from adatracker_deploy.evaluation.grid import Cell, Grid
 from adatracker_deploy.evaluation.published import PUBLISHED, Triple
 from adatracker_deploy.evaluation.scores import METRICS, Metrics, PolicyScore
@@ -56,6 +58,12 @@ def interval_text(estimate: Estimate, digits: int) -> str:
     if not math.isfinite(estimate.low):
         return ""
     return f"[{estimate.low:z.{digits}f}, {estimate.high:z.{digits}f}]"
+
+
+def signed_text(estimate: Estimate, digits: int) -> Text:
+    """Return a difference with its interval, bold where zero is excluded."""
+    text = f"{estimate.value:+z.{digits}f} {interval_text(estimate, digits)}".rstrip()
+    return Text(text, style="bold" if estimate.excludes_zero else "")
 
 
 def _measured(score: PolicyScore) -> Row:

@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from adatracker_deploy.evaluation.grid import CELLS, Cell
-from adatracker_deploy.evaluation.rows import Row, interval_text, rows_of, triple_text
+from adatracker_deploy.evaluation.rows import Row, interval_text, rows_of, signed_text, triple_text
 from adatracker_deploy.learning.conditions import HEIGHTS_M, TARGET_SPEEDS_M_S
 
 if TYPE_CHECKING:
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from adatracker_deploy.evaluation.grid import Grid
-    from adatracker_deploy.evaluation.intervals import Estimate
     from adatracker_deploy.evaluation.scores import Difference, PolicyScore
 
 
@@ -85,13 +84,8 @@ def _table_of(differences: Sequence[Difference]) -> Table:
             each.policy,
             each.baseline,
             str(each.episodes),
-            _signed(each.metrics.ar, 0),
-            _signed(each.metrics.el, 0),
-            _signed(each.metrics.sr, 2),
+            signed_text(each.metrics.ar, 0),
+            signed_text(each.metrics.el, 0),
+            signed_text(each.metrics.sr, 2),
         )
     return table
-
-
-def _signed(estimate: Estimate, digits: int) -> Text:
-    text = f"{estimate.value:+z.{digits}f} {interval_text(estimate, digits)}".rstrip()
-    return Text(text, style="bold" if estimate.excludes_zero else "")

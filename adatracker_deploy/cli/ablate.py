@@ -1,0 +1,150 @@
+"""``ablate``: train with parts left out, from several seeds, and tell what each part is worth."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from adatracker_deploy.errors import UsageError
+
+if TYPE_CHECKING:
+    from adatracker_deploy.evaluation.ablation import ArmScore
+    from adatracker_deploy.learning.train.settings import TrainSettings
+
+
+def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add ``ablate``."""
+    parser = commands.add_parser(
+        "ablate",
+        help="train with parts left out and compare",
+        description="Train the whole method and arms that lack a part of it, each from several seeds with "
+        "equal updates, score all on equal episodes, and print the ablation table. What is finished is "
+        "kept: interrupted, the same command goes on.",
+    )
+    parser.add_argument("--data", metavar="DIR", type=Path, action="append", required=True, help="of shards")
+    parser.add_argument("--out", metavar="DIR", type=Path, required=True, help="a folder an arm and seed")
+    parser.add_argument(
+        "--arm", metavar="NAME", action="append", help="besides the whole method (default: all)"
+    )
+    parser.add_argument("--seeds", metavar="N", type=int, default=3, help="(default: %(default)s)")
+    parser.add_argument("--recipe", metavar="NAME|FILE", default="deploy", help="(default: %(default)s)")
+    parser.add_argument("--updates", metavar="N", type=int, help="of each run")
+    parser.add_argument("--rounds", metavar="N", type=int, help="of DAgger")
+    parser.add_argument("--round-steps", metavar="N", type=int, help="visited for each round")
+    parser.add_argument(
+        "--condition", metavar="NAME", action="append", help="to score under (default: field and hard)"
+    )
+    parser.add_argument("--episodes", metavar="N", type=int, default=8, help="a cell (default: %(default)s)")
+    parser.add_argument("--steps", type=int, default=500, metavar="N", help="horizon (default: %(default)s)")
+    parser.add_argument(
+        "--workers",
+        metavar="N",
+        type=int,
+        default=len(os.sched_getaffinity(0)),
+        help="runs, then episodes, at once (default: %(default)s)",
+    )
+    parser.add_argument("--latex", type=Path, metavar="FILE", help="write the paper's table")
+    parser.add_argument("--json", action="store_true", help="one JSON object as the only line of stdout")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Train and score every arm; return the exit status.
+
+    Raises:
+        UsageError: an unknown arm or condition, a number out of range, a missing extra, or a folder that
+            holds another run.
+        PlatformError: a worker process died.
+    """
+    try:
+        from adatracker_deploy.learning.train.arms import ARMS, WHOLE, of_arm, train_arm
+    except ImportError as error:
+        raise UsageError(f"training needs {error.name}: pip install 'adatracker-deploy[train]'") from error
+    from adatracker_deploy.cli.counting import counted
+    from adatracker_deploy.learning.conditions import condition_named
+    from adatracker_deploy.learning.data.workers import in_processes
+
+    for name in ("seeds", "workers", "episodes", "steps"):
+        if (value := getattr(args, name)) < 1:
+            raise UsageError(f"--{name}: {value} is out of range, at least 1")
+    asked = args.arm or [name for name in ARMS if name != WHOLE]
+    for name in asked:
+        if name not in ARMS:
+            raise UsageError(f"--arm: unknown {name!r}; known are {', '.join(ARMS)}")
+    conditions = args.condition or ["field", "hard"]
+    for name in conditions:
+        condition_named(name)
+    arms = list(dict.fromkeys([WHOLE, *asked]))
+    settings = _settings(args)
+    # Seed by seed, so that a table of fewer seeds is ready first.
+    places = [(arm, seed) for seed in range(args.seeds) for arm in arms]
+    jobs = [(of_arm(settings, arm, seed), args.data, args.out / arm / f"seed-{seed}") for arm, seed in places]
+    for _ in counted(in_processes(train_arm, jobs, args.workers), len(jobs), "runs"):
+        pass
+    bundles = {
+        arm: [args.out / arm / f"seed-{seed}" / "bundle" for seed in range(args.seeds)] for arm in arms
+    }
+    scored = {name: _scored(args, name, bundles) for name in conditions}
+    _show(args, scored)
+    return 0
+
+
+def _scored(args: argparse.Namespace, condition: str, bundles: dict[str, list[Path]]) -> list[ArmScore]:
+    """Return every arm's score under a condition, all on equal episodes."""
+    from adatracker_deploy.cli.counting import counted
+    from adatracker_deploy.evaluation.ablation import ArmScore
+    from adatracker_deploy.evaluation.grid import Grid
+    from adatracker_deploy.evaluation.play import play_all
+    from adatracker_deploy.evaluation.scores import PolicyScore
+
+    policies = tuple(f"{path.resolve()}" for paths in bundles.values() for path in paths)
+    grid = Grid(policies=policies, condition=condition, episodes=args.episodes, steps=args.steps)
+    plan = grid.plan()
+    with closing(play_all(plan, args.workers)) as playing:
+        finished = [
+            (plan[index], played) for index, played in counted(playing, len(plan), f"episodes of {condition}")
+        ]
+    return [
+        ArmScore.of(
+            arm,
+            [
+                PolicyScore.of(arm, [pair for pair in finished if pair[0].policy == str(path.resolve())])
+                for path in paths
+            ],
+        )
+        for arm, paths in bundles.items()
+    ]
+
+
+def _show(args: argparse.Namespace, scored: dict[str, list[ArmScore]]) -> None:
+    """Print and write the tables."""
+    from rich.console import Console
+
+    from adatracker_deploy.evaluation.ablation import ablation_latex, ablation_record, ablation_table
+
+    console = Console(stderr=args.json)
+    for condition, arms in scored.items():
+        console.print(ablation_table(condition, arms))
+    if args.json:
+        record = {condition: ablation_record(arms) for condition, arms in scored.items()}
+        print(json.dumps(record, allow_nan=False))
+    if args.latex is not None:
+        try:
+            args.latex.write_text(
+                "\n".join(ablation_latex(condition, arms) for condition, arms in scored.items()), "utf-8"
+            )
+        except OSError as error:
+            raise UsageError(f"{args.latex}: cannot be written: {error}") from error
+
+
+def _settings(args: argparse.Namespace) -> TrainSettings:
+    from adatracker_deploy.learning.train.settings import TrainSettings
+    from adatracker_deploy.schema import parse
+
+    keys = ("recipe", "updates", "rounds", "round_steps")
+    given: dict[str, Any] = {key: getattr(args, key) for key in keys if getattr(args, key) is not None}
+    return parse(TrainSettings, given, where="ablate")

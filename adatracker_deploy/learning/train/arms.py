@@ -1,0 +1,64 @@
+"""The arms of the ablation: what each leaves out, and one arm's training from one seed, in one process."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import torch
+
+from adatracker_deploy.learning.export import export_checkpoint
+from adatracker_deploy.learning.train.run import train
+from adatracker_deploy.learning.train.snapshot import POLICY_NAME, SNAPSHOT_NAME, read_snapshot
+
+if TYPE_CHECKING:
+    from adatracker_deploy.learning.train.settings import TrainSettings, Variant
+
+WHOLE = "whole"
+ARMS: dict[str, tuple[Variant, ...]] = {
+    WHOLE: (),
+    "no-encoder": ("no-encoder",),
+    "no-last-action": ("no-last-action",),
+    "neither": ("no-encoder", "no-last-action"),
+    "no-identification": ("no-identification",),
+    "no-dynamics": ("no-dynamics",),
+    "no-consistency": ("no-consistency",),
+    "no-lstm": ("no-lstm",),
+}
+"""By name: what is left out. `no-encoder` is told its last action instead of a context, `no-last-action` is
+the paper's policy, `neither` is Offline EVT's on the same data."""
+
+BUNDLE_NAME = "bundle"
+
+
+def train_arm(settings: TrainSettings, data: list[Path], folder: Path) -> Path:
+    """Train and export one arm, or go on where it was interrupted, and return its bundle's folder.
+
+    Args:
+        settings: with what the arm leaves out.
+        data: folders of shards.
+        folder: of this arm and seed; a finished bundle in it is kept.
+
+    Raises:
+        UsageError: the folder holds another run, or see `train`.
+    """
+    bundle = folder / BUNDLE_NAME
+    finished = (folder / SNAPSHOT_NAME).exists() and read_snapshot(folder).update == settings.updates
+    if not (finished and bundle.exists()):
+        torch.set_num_threads(1)
+        train(
+            settings,
+            data,
+            folder,
+            resume=(folder / SNAPSHOT_NAME).exists(),
+            say=lambda _text: None,
+            tell=lambda _update, _loss: None,
+        )
+        export_checkpoint(folder / POLICY_NAME, bundle, name="-".join(folder.parts[-2:]), force=True)
+    return bundle
+
+
+def of_arm(settings: TrainSettings, arm: str, seed: int) -> TrainSettings:
+    """Return the settings of an arm's run from a training seed."""
+    return replace(settings, variants=tuple(sorted(ARMS[arm])), seed=seed)
