@@ -31,9 +31,10 @@ _COLOURS = torch.from_numpy(
 """(4, C), by class: the same table as at deployment."""
 
 
-def drawn(classes: NDArray[np.uint8]) -> Tensor:
+def drawn(classes: NDArray[np.uint8] | Tensor) -> Tensor:
     """Return class masks (..., S, S) as networks are shown them: (..., C, S, S), in memory channels last."""
-    return functional.embedding(torch.from_numpy(classes).int(), _COLOURS).movedim(-1, -3)
+    table = _COLOURS.to(classes.device) if isinstance(classes, Tensor) else _COLOURS
+    return functional.embedding(torch.as_tensor(classes).int(), table).movedim(-1, -3)
 
 
 CONTEXT_EVERY = 4
