@@ -29,6 +29,13 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         default=len(os.sched_getaffinity(0)),
         help="(default: %(default)s)",
     )
+    parser.add_argument(
+        "--ray",
+        metavar="ADDRESS",
+        nargs="?",
+        const="auto",
+        help="work on a Ray cluster instead: HOST:PORT, local, or (without) the one of this machine",
+    )
     parser.add_argument("--seed", metavar="S", type=int, default=0, help="of the run (default: %(default)s)")
     parser.add_argument("--json", action="store_true", help="one JSON object as the only line of stdout")
     parser.set_defaults(run=run)
@@ -50,7 +57,15 @@ def run(args: argparse.Namespace) -> int:
     recipe = load_recipe(args.recipe)
     steps = args.steps or recipe.steps
     begin_s = time.monotonic()
-    collect(recipe, args.out, steps=steps, seed=args.seed, workers=args.workers, progress=_Progress())
+    collect(
+        recipe,
+        args.out,
+        steps=steps,
+        seed=args.seed,
+        workers=args.workers,
+        ray=args.ray,
+        progress=_Progress(),
+    )
     if args.json:
         taken_s = round(time.monotonic() - begin_s, 1)
         print(json.dumps({"out": str(args.out), "recipe": recipe.name, "steps": steps, "taken_s": taken_s}))

@@ -1,7 +1,7 @@
 """Collecting a recipe's data: the perturbed expert in many episodes, shard by shard, on all cores.
 
 A shard depends on the recipe, the run's seed and its own number alone. So an interrupted collection goes on
-where it stopped, and any number of workers leaves the same files behind.
+where it stopped, and any number of workers, or a Ray cluster, leaves the same files behind.
 """
 
 from __future__ import annotations
@@ -18,11 +18,12 @@ from adatracker_deploy.learning.data.shard import (
     SHARD_STEPS,
     Record,
     joined_shard,
+    packed_shard,
     read_shard,
     shard_name,
     write_shard,
 )
-from adatracker_deploy.learning.data.workers import in_processes
+from adatracker_deploy.learning.data.workers import in_processes, on_ray
 from adatracker_deploy.learning.seeds import training_seed
 
 if TYPE_CHECKING:
@@ -41,6 +42,7 @@ def collect(
     steps: int | None = None,
     seed: int = 0,
     workers: int = 1,
+    ray: str | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> None:
     """Fill a folder with shards of `SHARD_STEPS` steps; the last one may be smaller.
@@ -51,39 +53,44 @@ def collect(
         steps: how many; by default the recipe's.
         seed: of the run.
         workers: processes; 1 stays in this one.
+        ray: the address of a Ray cluster that works instead of them, see `on_ray`.
         progress: told after each shard how many steps of how many are done.
 
     Raises:
-        UsageError: the folder holds another collection or a damaged shard, cannot be written to, or a world
-            or body is not installed.
+        UsageError: the folder holds another collection or a damaged shard, cannot be written to, a world or
+            body is not installed, or Ray is not or cannot be reached.
     """
     steps = recipe.steps if steps is None else steps
     _claim(out_dir, recipe, seed)
     sizes = [min(SHARD_STEPS, steps - first) for first in range(0, steps, SHARD_STEPS)]
     jobs = [
-        (recipe, seed, index, size, path)
+        (recipe, seed, index, size)
         for index, size in enumerate(sizes)
-        if not _is_done(path := out_dir / shard_name(index), size)
+        if not _is_done(out_dir / shard_name(index), size)
     ]
-    done = steps - sum(sizes[index] for _, _, index, _, _ in jobs)
+    done = steps - sum(sizes[index] for _, _, index, _ in jobs)
     if progress is not None:
         progress(done, steps)
-    for index in in_processes(collect_shard, jobs, workers):
+    if ray is None:
+        collected = in_processes(collect_shard, jobs, workers)
+    else:
+        collected = on_ray(collect_shard, jobs, ray)
+    for index, content in collected:
+        write_shard(out_dir / shard_name(index), content)
         done += sizes[index]
         if progress is not None:
             progress(done, steps)
 
 
-def collect_shard(recipe: Recipe, seed: int, index: int, steps: int, path: Path) -> int:
-    """Collect the `index`-th shard of a run into a file and return its index."""
+def collect_shard(recipe: Recipe, seed: int, index: int, steps: int) -> tuple[int, bytes]:
+    """Collect the `index`-th shard of a run and return its index and its file's content."""
     records: list[Record] = []
     left = steps
     while left:
         episode_seed = training_seed(seed, index, len(records))
         records.append(perturbed_episode(recipe, episode_seed, min(left, recipe.episode_steps)))
         left -= records[-1][0].steps
-    write_shard(path, joined_shard(f"{recipe.name}, seed {seed}", records))
-    return index
+    return index, packed_shard(joined_shard(f"{recipe.name}, seed {seed}", records))
 
 
 def perturbed_episode(recipe: Recipe, seed: int, steps: int) -> Record:

@@ -18,6 +18,7 @@ done     bool (T,)     the step ended the episode as lost; a horizon is no end o
 from __future__ import annotations
 
 import dataclasses
+import io
 import json
 import os
 import zipfile
@@ -133,17 +134,23 @@ def joined_shard(source: str, records: Sequence[Record]) -> Shard:
     return Shard(source=source, episodes=headers, steps=Steps.joined(steps))
 
 
-def write_shard(path: Path, shard: Shard) -> None:
-    """Write a shard; it appears under its name only when it is complete."""
+def packed_shard(shard: Shard) -> bytes:
+    """Return a shard as the content of its file."""
     header = {
         "schema": SCHEMA,
         "source": shard.source,
         "episodes": [dataclasses.asdict(episode) for episode in shard.episodes],
     }
     arrays = {name: getattr(shard.steps, name) for name in _ARRAYS}
+    file = io.BytesIO()
+    np.savez_compressed(file, header=np.frombuffer(json.dumps(header).encode(), np.uint8), **arrays)
+    return file.getvalue()
+
+
+def write_shard(path: Path, shard: Shard | bytes) -> None:
+    """Write a shard, packed or not; it appears under its name only when it is complete."""
     unfinished = path.with_name(f".{path.name}.{os.getpid()}")
-    with unfinished.open("wb") as file:
-        np.savez_compressed(file, header=np.frombuffer(json.dumps(header).encode(), np.uint8), **arrays)
+    unfinished.write_bytes(shard if isinstance(shard, bytes) else packed_shard(shard))
     unfinished.replace(path)
 
 

@@ -53,6 +53,26 @@ def test_two_workers_leave_the_same_files_as_one(tmp_path):
     assert contents(tmp_path / "one") == contents(tmp_path / "two")
 
 
+def test_a_ray_cluster_leaves_the_same_files(tmp_path):
+    collect(tiny.recipe(), tmp_path / "one", seed=1)
+    collect(tiny.recipe(), tmp_path / "ray", seed=1, ray="local")
+    assert contents(tmp_path / "one") == contents(tmp_path / "ray")
+
+
+@pytest.mark.parametrize(
+    ("address", "says"),
+    [
+        ("127.0.0.1:1", "no cluster answers"),
+        ("nowhere", "expected HOST:PORT"),
+        ("auto", "no cluster answers"),
+    ],
+)
+def test_a_cluster_that_is_not_there_is_one_line(tmp_path, capsys, address, says):
+    command = ["collect", "--recipe", "paper", "--out", str(tmp_path), "--steps", "10", "--ray", address]
+    assert main(command) == 2
+    assert says in capsys.readouterr().err.splitlines()[-1]
+
+
 def test_an_interrupted_collection_goes_on_and_keeps_what_was_finished(tmp_path):
     class Interrupted(Exception):
         pass
