@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import multiprocessing
 import os
 import signal
@@ -76,13 +77,14 @@ def on_ray(work: Callable[..., Result], jobs: Sequence[tuple[Any, ...]], address
     if address not in ("auto", "local"):
         _check_answers(address)  # Ray itself would try for minutes
     try:
-        ray.init(address, logging_level="ERROR", **(here if address == "local" else {}))
+        ray.init(address, logging_level=logging.ERROR, **(here if address == "local" else {}))
     except (ConnectionError, ValueError, RuntimeError) as error:
         raise UsageError(f"--ray {address}: no cluster answers: {str(error).splitlines()[0]}") from error
     try:
         task = ray.remote(work)
         # Somewhat more than is worked on, so that no node waits; what is interrupted leaves little behind.
-        most = round(1.5 * ray.cluster_resources().get("CPU", 1)) + 1
+        has: dict[str, float] = ray.cluster_resources()  # type: ignore[no-untyped-call]
+        most = round(1.5 * has.get("CPU", 1)) + 1
         under_way: list[Any] = []
         for job in jobs:
             if len(under_way) == most:
