@@ -68,6 +68,8 @@ def test_the_table_comes_from_one_command_which_keeps_what_is_finished(tmp_path,
     assert main(command) == 0
     assert capsys.readouterr().out.strip() == first
     assert {path: path.stat().st_mtime_ns for path in out.rglob("*.onnx")} == kept
+    assert main([*command, "--round-steps", "7"]) == 2
+    assert "its run has round_steps" in capsys.readouterr().err
     arms = json.loads(first)["clean"]
     assert list(arms) == ["whole", "no-encoder"]
     assert [len(arm["seeds"]) for arm in arms.values()] == [1, 1]

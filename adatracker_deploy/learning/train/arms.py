@@ -10,7 +10,12 @@ import torch
 
 from adatracker_deploy.learning.export import export_checkpoint
 from adatracker_deploy.learning.train.run import train
-from adatracker_deploy.learning.train.snapshot import POLICY_NAME, SNAPSHOT_NAME, read_snapshot
+from adatracker_deploy.learning.train.snapshot import (
+    POLICY_NAME,
+    SNAPSHOT_NAME,
+    check_same_run,
+    read_snapshot,
+)
 
 if TYPE_CHECKING:
     from adatracker_deploy.learning.train.settings import TrainSettings, Variant
@@ -44,14 +49,16 @@ def train_arm(settings: TrainSettings, data: list[Path], folder: Path) -> Path:
         UsageError: the folder holds another run, or see `train`.
     """
     bundle = folder / BUNDLE_NAME
-    finished = (folder / SNAPSHOT_NAME).exists() and read_snapshot(folder).update == settings.updates
-    if not (finished and bundle.exists()):
+    begun = read_snapshot(folder) if (folder / SNAPSHOT_NAME).exists() else None
+    if begun is not None:
+        check_same_run(begun, settings, begun.data_steps, folder)
+    if begun is None or begun.update < settings.updates or not bundle.exists():
         torch.set_num_threads(1)
         train(
             settings,
             data,
             folder,
-            resume=(folder / SNAPSHOT_NAME).exists(),
+            resume=begun is not None,
             say=lambda _text: None,
             tell=lambda _update, _loss: None,
         )
