@@ -39,6 +39,8 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         default=[],
         help=f"leave something out, more than one if repeated: {', '.join(f'no-{v}' for v in _VARIANTS)}",
     )
+    parser.add_argument("--init", metavar="RUN", help="begin with the weights of another run's folder")
+    parser.add_argument("--rate", metavar="R", type=float, help="learning rate (default: the method's)")
     parser.add_argument("--updates", metavar="N", type=int, help="in all")
     parser.add_argument("--rounds", metavar="N", type=int, help="of DAgger")
     parser.add_argument("--round-steps", metavar="N", type=int, help="visited for each round")
@@ -100,7 +102,10 @@ def _settings(args: argparse.Namespace) -> TrainSettings:
     for name in args.variant:
         if name not in get_args(Variant):
             raise UsageError(f"--variant: unknown {name!r}; known are {', '.join(get_args(Variant))}")
-    keys = ("recipe", "method", "updates", "rounds", "round_steps", "batch", "length", "seed", "bfloat16")
+    keys = (
+        *("recipe", "method", "init", "rate", "updates", "rounds", "round_steps"),
+        *("batch", "length", "seed", "bfloat16"),
+    )
     given = {key: getattr(args, key) for key in keys if getattr(args, key) is not None}
     return parse(TrainSettings, given | {"variants": sorted(set(args.variant))}, where="train")
 

@@ -83,6 +83,18 @@ def test_every_weight_that_acts_has_learned(method, data, whole, tmp_path):
     assert all("log_std" in key for key in still)
 
 
+def test_a_run_begins_with_the_weights_of_another(method, data, whole, tmp_path):
+    settings = replace(method, init=str(whole), rate=1e-7, updates=1, rounds=0)
+    trained(settings, data, tmp_path / "on")
+    before, after = weights(whole), weights(tmp_path / "on")
+    assert all(torch.allclose(before[key], after[key], atol=1e-6) for key in before)
+    with pytest.raises(UsageError, match="its networks are others"):
+        trained(replace(settings, variants=("no-lstm",)), data, tmp_path / "other")
+    with pytest.raises(UsageError, match=r"holds no training\.pt"):
+        trained(replace(settings, init=str(tmp_path / "none")), data, tmp_path / "other")
+    assert not (tmp_path / "other").exists()
+
+
 def test_an_interrupted_visit_begins_again_and_changes_nothing(data, tmp_path, monkeypatch):
     settings = METHODS["dagger"]
     trained(settings, data, tmp_path / "whole")

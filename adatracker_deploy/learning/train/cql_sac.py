@@ -61,9 +61,11 @@ class CqlSac:
         actor = list(agent.policy.actor.parameters())
         rest = [weight for weight in agent.parameters() if all(weight is not own for own in actor)]
         self._perception = [*rest, *self.critics.parameters()]
-        self._critic_optimizer = torch.optim.Adam(self._perception, lr=_RATE)
-        self._actor_optimizer = torch.optim.Adam(actor, lr=_ACTOR_RATE)
-        self._alpha_optimizer = torch.optim.Adam([self._log_alpha], lr=_ACTOR_RATE)
+        rate = settings.rate or _RATE
+        actor_rate = rate * _ACTOR_RATE / _RATE
+        self._critic_optimizer = torch.optim.Adam(self._perception, lr=rate)
+        self._actor_optimizer = torch.optim.Adam(actor, lr=actor_rate)
+        self._alpha_optimizer = torch.optim.Adam([self._log_alpha], lr=actor_rate)
 
     def update(self, sequences: Sequences, number: int) -> dict[str, Tensor]:
         """Take one step each: critics with all that sees, actor, entropy weight, target critics."""

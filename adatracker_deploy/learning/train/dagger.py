@@ -39,7 +39,7 @@ class Dagger:
     def update(self, sequences: Sequences, number: int) -> dict[str, Tensor]:
         """Take one step of Adam."""
         for group in self._optimizer.param_groups:
-            group["lr"] = learning_rate(number / self._settings.updates)
+            group["lr"] = learning_rate(number / self._settings.updates, self._settings.rate or _RATE)
         with torch.autocast(sequences.masks.device.type, torch.bfloat16, enabled=self._settings.bfloat16):
             recalled = self.agent.recall(sequences)
             mean, _ = self.agent.policy.actor(recalled.x)
@@ -66,7 +66,8 @@ class Dagger:
         self._optimizer.load_state_dict(state["optimizer"])
 
 
-def learning_rate(done: float) -> float:
-    """Return the learning rate when a share `done` of the run lies behind."""
+def learning_rate(done: float, first: float = _RATE) -> float:
+    """Return the learning rate when a share `done` of the run lies behind and it began with `first`."""
     falling = max(0.0, (done - _DECAY_FROM) / (1.0 - _DECAY_FROM))
-    return _LAST_RATE + (_RATE - _LAST_RATE) * 0.5 * (1.0 + math.cos(math.pi * falling))
+    last = min(_LAST_RATE, first)
+    return last + (first - last) * 0.5 * (1.0 + math.cos(math.pi * falling))

@@ -73,7 +73,8 @@ def train(
 
     Raises:
         UsageError: the folder holds a run and `resume` is off, or holds none and it is on; the settings or
-            the data are not that run's; the data cannot be read; no such device or recipe.
+            the data are not that run's; the data cannot be read; no such device or recipe; the run to begin
+            with is missing or has other networks.
         KeyboardInterrupt: the run was interrupted, and is saved.
     """
     if not resume and (out / SNAPSHOT_NAME).exists():
@@ -86,6 +87,8 @@ def train(
     learner = _learner(settings, device)
     if snapshot is not None:
         learner.load_state_dict(snapshot.learner)
+    elif settings.init is not None:
+        _begin_with(learner.agent, Path(settings.init))
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -106,6 +109,18 @@ def _learner(settings: TrainSettings, device: str) -> Learner:
     if settings.method == "dagger":
         return Dagger(agent, settings)
     return CqlSac(agent, settings)
+
+
+def _begin_with(agent: Agent, other: Path) -> None:
+    """Take over the networks of another run.
+
+    Raises:
+        UsageError: there is no run, or its networks are others.
+    """
+    found = read_snapshot(other)
+    if found.settings.config() != agent.config:
+        raise UsageError(f"{other}: its networks are others: {found.settings.variants or 'nothing'} left out")
+    agent.load_state_dict(found.learner["agent"])
 
 
 class _Run:

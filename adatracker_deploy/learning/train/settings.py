@@ -27,6 +27,10 @@ class TrainSettings:
     variants: tuple[Variant, ...] = ()
     """What is left out: the identification task (reward, height and our dynamics head), that head alone, the
     consistency task, the encoder, the policy's LSTM, the last action as an input of the policy."""
+    init: str | None = None
+    """Folder of another run, whose weights this one begins with, heads and critics aside."""
+    rate: Annotated[float, Range(1e-7, 1e-1)] | None = None
+    """Learning rate at the start, instead of the method's own."""
     seed: Annotated[int, Range(0, 1 << 31)] = 0
     updates: Annotated[int, Range(1, 10_000_000)] = 8000
     rounds: Annotated[int, Range(0, 100)] = 3
