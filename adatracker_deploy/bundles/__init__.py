@@ -1,1 +1,1 @@
-"""The policy bundles that are shipped, a folder each with its model card; `pid` stays the default policy."""
+"""The policy bundles that are shipped, a folder each with its model card; the default policy is one."""
