@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.policy.catalogue import DEFAULT
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -32,7 +33,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "--policy",
         metavar="NAME|DIR",
         action="append",
-        help="a policy; give several to compare them (default: pid)",
+        help=f"give several to compare them (default: {DEFAULT})",
     )
     parser.add_argument("--condition", default="clean", metavar="NAME", help="clean, field or hard (clean)")
     parser.add_argument("--scene", default="simple_room", metavar="NAME", help="(default: %(default)s)")
@@ -83,7 +84,7 @@ def _grid(args: argparse.Namespace) -> int:
     from adatracker_deploy.evaluation.play import play_all
 
     grid = Grid(
-        policies=tuple(args.policy or ["pid"]),
+        policies=tuple(args.policy or [DEFAULT]),
         condition=args.condition,
         scene=args.scene,
         episodes=args.episodes,
@@ -150,12 +151,13 @@ def _context(args: argparse.Namespace) -> int:
     from adatracker_deploy.evaluation.grid import CELLS, policy_labels
     from adatracker_deploy.evaluation.play import play_all
 
-    if args.policy is None or len(args.policy) != 1:
+    policies = tuple(args.policy or [DEFAULT])
+    if len(policies) != 1:
         raise UsageError("--context studies one policy: name it with --policy")
     if args.latex is not None or args.picture is not None:
         raise UsageError("--latex and --picture are of the grid, which --context replaces")
     check_drawing(args.context)
-    ((policy, name),) = policy_labels(tuple(args.policy)).items()
+    ((policy, name),) = policy_labels(policies).items()
     study = study_context(
         policy,
         lambda episodes: counted(play_all(episodes, args.workers), len(episodes), "episodes"),

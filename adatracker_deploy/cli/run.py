@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from adatracker_deploy.errors import UsageError
+from adatracker_deploy.policy.catalogue import DEFAULT
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -33,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     what.add_argument("--sitl", action="store_true", help="simulate the far end of the robot's wire")
     what.add_argument("--profile", metavar="NAME|FILE", help="the robot's profile (default: the platform's)")
-    what.add_argument("--policy", metavar="NAME|DIR", default="pid", help="a policy (default: %(default)s)")
+    what.add_argument("--policy", metavar="NAME|DIR", default=DEFAULT, help="(default: %(default)s)")
     how = parser.add_argument_group("how")
     how.add_argument("--steps", type=_whole(1, 1_000_000), default=600, help="ticks (default: %(default)s)")
     how.add_argument("--trials", type=_whole(1, 1000), default=1, help="trials, seeds from --seed up")

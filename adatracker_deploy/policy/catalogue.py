@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from adatracker_deploy.policy.base import Policy
 
 PID = "pid"
+DEFAULT = "adatracker"
+"""Used when none is named: the shipped bundle, whose model card tells what it scores."""
 
 
 def load_policy(name_or_dir: str) -> Policy:

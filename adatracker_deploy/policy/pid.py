@@ -1,4 +1,4 @@
-"""A mask-box PID: the honest baseline, and the default policy until a trained bundle ships.
+"""A mask-box PID: the honest baseline.
 
 It knows neither camera nor limits. The first box it sees is taken to be the wished picture, 2.5 m away; from
 then on it steers the box back there. Bearing comes from the box's centre under a nominal 90 degree field of

@@ -27,4 +27,4 @@ if __name__ == "__main__":
     import adatracker_deploy.policy.pid as module
 
     module.PidPolicy = FailingPolicy
-    sys.exit(main())
+    sys.exit(main([*sys.argv[1:], "--policy", "pid"]))

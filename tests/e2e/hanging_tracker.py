@@ -28,4 +28,4 @@ if __name__ == "__main__":
     import adatracker_deploy.policy.pid as module
 
     module.PidPolicy = HangingPolicy
-    sys.exit(main())
+    sys.exit(main([*sys.argv[1:], "--policy", "pid"]))

@@ -14,13 +14,13 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(240)]
 @pytest.mark.parametrize("platform", ["wheeled", "quadruped"])
 def test_a_ground_robot_follows_to_the_horizon(tmp_path, measured, platform):
     run = Flight(
-        [*COMMAND, "--platform", platform, "--sitl", "--seed", "1", "--steps", "300", "--json"], tmp_path
+        [*COMMAND, "--platform", platform, "--sitl", "--seed", "1", "--steps", "200", "--json"], tmp_path
     )
     status, summary, err = run.end(timeout_s=120)
     assert status == 0, err
-    assert (summary["outcome"], summary["el"]) == ("completed", 300)
+    assert (summary["outcome"], summary["el"]) == ("completed", 200)
     assert summary["mr"] >= 0.80
-    assert summary["ar"] > 200  # the truth came beside the pictures
+    assert summary["ar"] > 130  # the truth came beside the pictures
     (folder,) = (tmp_path / "trials").iterdir()
     assert json.loads((folder / "summary.json").read_text())["mr"] == summary["mr"]
     measured(f"{platform}: MR {summary['mr']:.3f}, AR {summary['ar']:.0f}, {summary['rate_hz']:.2f} Hz")
@@ -38,6 +38,6 @@ def test_all_three_robots_print_the_papers_table(tmp_path):
     assert status == 0, err
     assert [group["platform"] for group in summary["groups"]] == ["wheeled", "quadruped", "drone"]
     for name in ("wheeled", "quadruped", "drone"):
-        rows = [line.split() for line in err.splitlines() if line.split()[:3] == [name, "pid", "2"]]
+        rows = [line.split() for line in err.splitlines() if line.split()[:3] == [name, "adatracker", "2"]]
         assert len(rows) == 1, err
         assert rows[0].count("±") == 2

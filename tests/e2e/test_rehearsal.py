@@ -11,11 +11,11 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(240)]
 
 @pytest.mark.parametrize("speed", ["1", "5"])
 def test_a_drone_follows_to_the_horizon_and_lands(fly, station, tmp_path, measured, speed):
-    flight = fly("--seed", "1", "--steps", "600", "--json", "--speed", speed)
+    flight = fly("--seed", "1", "--steps", "400", "--json", "--speed", speed)
     status, summary, err = flight.end(timeout_s=200)
     assert status == 0, err
     assert summary["outcome"] == "completed"
-    assert summary["el"] == 600
+    assert summary["el"] == 400
     assert summary["mr"] >= 0.75
     assert station.landed
     assert station.armed is False

@@ -20,12 +20,18 @@ SHORT = ("evaluate", "--episodes", "1", "--steps", "3", "--workers", "1")
 
 def test_pid_is_scored_and_everything_is_written(capsys, tmp_path):
     latex, picture = tmp_path / "grid.tex", tmp_path / "grid.png"
-    assert main([*SHORT, "--json", "--latex", str(latex), "--picture", str(picture)]) == 0
+    command = [*SHORT, "--policy", "pid", "--json", "--latex", str(latex), "--picture", str(picture)]
+    assert main(command) == 0
     record = json.loads(capsys.readouterr().out)
     assert record["complete"]
     assert record["policies"]["pid"]["mean"]["el"] == 3
     assert latex.read_text().startswith(r"\begin{table*}")
     assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_default_is_the_shipped_bundle(capsys):
+    assert main([*SHORT, "--json"]) == 0
+    assert list(json.loads(capsys.readouterr().out)["policies"]) == ["adatracker"]
 
 
 def test_the_same_seed_gives_the_same_scores_and_another_gives_others(capsys):
@@ -75,7 +81,7 @@ def test_a_run_stopped_before_its_first_episode_says_so_and_nothing_else(capsys,
         (("--workers", "0"), "--workers: 0"),
         (("--picture", "grid.jpg"), "ends in .png"),
         (("--swap",), "--swap belongs to --context"),
-        (("--context", "z.png"), "studies one policy"),
+        (("--context", "z.png", "--policy", "pid", "--policy", "adatracker"), "studies one policy"),
         (("--context", "z.png", "--policy", "pid"), "no context encoder"),
         (("--context", "z.png", "--policy", "pid", "--latex", "t.tex"), "of the grid"),
     ],
