@@ -6,7 +6,9 @@ A subcommand's module has `add_parser(subparsers)`, which sets its `run(args) ->
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
+import threading
 import time
 from typing import NoReturn
 
@@ -25,6 +27,7 @@ class _Parser(argparse.ArgumentParser):
 def main(argv: list[str] | None = None) -> int:
     """Run the command; return 0 done, 1 stopped or failed, 2 a wrong request, 130 interrupted."""
     argv = sys.argv[1:] if argv is None else argv
+    _hear_interrupts()
     named = bool(argv) and (not argv[0].startswith("-") or argv[0] in ("-h", "--help"))
     try:
         args = _parser(with_commands=named).parse_args(argv)
@@ -39,6 +42,15 @@ def main(argv: list[str] | None = None) -> int:
         print("adatracker-deploy: interrupted", file=sys.stderr)
         return 130
     return status
+
+
+def _hear_interrupts() -> None:
+    """See that SIGINT interrupts also where a shell has made a background job deaf to it: it stops robots."""
+    if (
+        threading.current_thread() is threading.main_thread()
+        and signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    ):
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def _parser(*, with_commands: bool) -> argparse.ArgumentParser:

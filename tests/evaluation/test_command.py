@@ -107,8 +107,11 @@ def test_a_bundle_is_scored_where_there_is_no_torch_and_no_matplotlib(tmp_path):
 
 
 @pytest.mark.slow
-def test_ctrl_c_in_the_middle_of_parallel_work_leaves_json_and_no_traceback():
+@pytest.mark.parametrize("began_deaf", [False, True], ids=["in a terminal", "as a script's background job"])
+def test_ctrl_c_in_the_middle_of_parallel_work_leaves_json_and_no_traceback(began_deaf):
     command = [sys.executable, "-m", "adatracker_deploy", "evaluate", "--workers", "2", "--json"]
+    if began_deaf:  # what a shell without job control does to what it starts with &
+        command = ["sh", "-c", "trap '' INT; exec \"$@\"", "sh", *command]
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
     ) as process:
