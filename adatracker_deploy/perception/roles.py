@@ -1,0 +1,98 @@
+"""What a segmenter is composed of: a detector, a mask head, a propagator; each a small part on its own.
+
+All of them take pictures as RGB uint8 of shape (H, W, 3) and give boxes in that picture's pixels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+Picture = NDArray[np.uint8]
+"""RGB, shape (H, W, 3)."""
+Boxes = NDArray[np.float32]
+"""Left, top, right, bottom in px, shape (n, 4); inside the picture, right > left and bottom > top."""
+Masks = NDArray[np.bool_]
+"""Shape (n, h, w), each over the whole picture, whatever the resolution h x w."""
+
+
+@dataclass(frozen=True, slots=True)
+class Instances:
+    """The n things that a detector found in one picture, best first."""
+
+    boxes: Boxes
+    scores: NDArray[np.float32]
+    """Shape (n,), 0 to 1."""
+    words: tuple[str, ...]
+    """What each is, in the words of the detector's vocabulary."""
+    masks: Masks | None = None
+    """Where the detector gives masks as well."""
+
+    @classmethod
+    def none(cls) -> Instances:
+        """Return what was found where there is nothing."""
+        return cls(np.empty((0, 4), np.float32), np.empty(0, np.float32), ())
+
+    def __len__(self) -> int:
+        return len(self.words)
+
+    def only(self, keep: Sequence[int] | NDArray[np.intp]) -> Instances:
+        """Return those at the places `keep`, in that order."""
+        places = np.asarray(keep, np.intp)
+        return Instances(
+            self.boxes[places],
+            self.scores[places],
+            tuple(self.words[place] for place in places),
+            None if self.masks is None else self.masks[places],
+        )
+
+
+class Detector(Protocol):
+    """Finds things of its vocabulary."""
+
+    @property
+    def vocabulary(self) -> tuple[str, ...]:
+        """The words it knows; one that takes any text has none, and is given its words when it is made."""
+
+    def __call__(self, picture: Picture) -> Instances:
+        """Return what is in the picture.
+
+        Raises:
+            PlatformError: the model gave what no such model gives.
+        """
+
+
+class MaskHead(Protocol):
+    """Cuts things out of their boxes."""
+
+    def __call__(self, picture: Picture, boxes: Boxes, size: int) -> Masks:
+        """Return the masks of what is in the boxes, shape (n, size, size)."""
+
+
+class Propagated(NamedTuple):
+    """Where the thing that is followed is in the next picture."""
+
+    mask: NDArray[np.bool_]
+    """Shape (h, w), over the whole picture; empty where it is out of sight."""
+    score: float
+    """How sure the model is that the thing is in sight, 0 to 1."""
+
+
+class Propagator(Protocol):
+    """Follows one thing from picture to picture by its mask."""
+
+    def start(self, picture: Picture, mask: NDArray[np.bool_]) -> None:
+        """Begin with the thing's mask over this picture, of any resolution; forgets what came before."""
+
+    def step(self, picture: Picture) -> Propagated:
+        """Return where it is in the next picture.
+
+        Raises:
+            PlatformError: the model gave what no such model gives.
+        """
