@@ -1,0 +1,114 @@
+"""The people in view from picture to picture: where each must be now, and which box is whose. Pure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adatracker_deploy.perception.boxes import centres, heights, overlaps, widened
+from adatracker_deploy.perception.target.appearance import likeness, mixed
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from adatracker_deploy.perception.target.appearance import Appearance
+    from adatracker_deploy.perception.target.motion import Motion
+
+_SMOOTHING = 0.4
+"""Share of what is newly measured in a velocity."""
+_DRIFT_S = 1.0
+"""Out of sight for longer, nobody is expected to have gone on as before."""
+_WIDEN, _WIDEN_PER_S, _WIDEST = 0.2, 0.5, 1.0
+"""Boxes are compared with margins of this share of their sides, more the longer somebody was out of sight: two
+boxes of a fast person a picture apart need not touch (Yang et al. 2023, "Hard to track objects with irregular
+motions and similar appearances? Make it easier by buffering the matching space")."""
+_LEAST_OVERLAP = 0.05
+_OTHER_SIZE = 0.6
+"""Shares of height further apart than this are not of the same person."""
+_LOOK_WEIGHT = 2.0
+"""Of the likeness, against the overlap."""
+_LEAST_SCORE = 0.55
+"""Of overlap and weighted likeness together."""
+
+
+@dataclass(frozen=True, slots=True)
+class Person:
+    """Somebody as last known."""
+
+    box: NDArray[np.float64]
+    """Shape (4,), px; while out of sight, where they must be."""
+    look: Appearance
+    velocity: NDArray[np.float64]
+    """Of the box's centre in the picture less the camera's own motion, px/s, shape (2,)."""
+    unseen_s: float = 0.0
+
+    @classmethod
+    def new(cls, box: NDArray[np.float32], look: Appearance) -> Person:
+        """Return somebody seen for the first time."""
+        return cls(box.astype(np.float64), look, np.zeros(2))
+
+    def expected(self, motion: Motion, dt_s: float) -> Person:
+        """Return where they must be a picture later, not seen yet."""
+        corners = self.box.reshape(2, 2)
+        if self.unseen_s <= _DRIFT_S:
+            corners = corners + self.velocity * dt_s
+        corners = corners @ motion[:, :2].T + motion[:, 2]
+        box = np.hstack((corners.min(axis=0), corners.max(axis=0)))
+        # A camera that rolls would let the box of somebody out of sight grow; only its zoom counts.
+        zoom = float(np.hypot(motion[0, 0], motion[1, 0]))
+        half = (self.box[2:] - self.box[:2]) * zoom / 2
+        middle = (box[:2] + box[2:]) / 2
+        return replace(self, box=np.hstack((middle - half, middle + half)), unseen_s=self.unseen_s + dt_s)
+
+    def seen(self, box: NDArray[np.float32], look: Appearance | None, learn: float) -> Person:
+        """Return them as seen in `box`, after `expected`; of their look a share is learnt unless it is None."""
+        found = box.astype(np.float64)
+        error = centres(found[None])[0] - centres(self.box[None])[0]
+        velocity = self.velocity + _SMOOTHING * error / max(self.unseen_s, 1e-3)
+        known = self.look if look is None else mixed(self.look, look, learn)
+        return Person(found, known, velocity)
+
+    def alike(self, looks: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return how alike each of `looks` is to theirs, 0 to 1, shape (n,)."""
+        return likeness(looks, self.look)
+
+
+def assigned(
+    people: Sequence[Person], boxes: NDArray[np.float64], alike: NDArray[np.float64], least_alike: Sequence[float]
+) -> dict[int, int]:
+    """Return whose box each is, as {place in `people`: place in `boxes`}: the best pair first, then the next.
+
+    Everybody competes for the boxes, so that whoever walks before the target keeps their own.
+
+    Args:
+        people: where everybody must be now, n of them.
+        boxes: what was found, shape (m, 4), px.
+        alike: of each person and box, shape (n, m).
+        least_alike: for each person, the likeness below which a box is not theirs.
+    """
+    if not len(people) or not len(boxes):
+        return {}
+    score = np.full(alike.shape, -np.inf)
+    for row, person in enumerate(people):
+        here = person.box[None]
+        margin = min(_WIDEST, _WIDEN + _WIDEN_PER_S * person.unseen_s)
+        overlap = overlaps(widened(boxes, margin), widened(here, margin))[:, 0]
+        taller = heights(boxes) / heights(here)[0]
+        fits = (
+            (overlap >= _LEAST_OVERLAP)
+            & (alike[row] >= least_alike[row])
+            & (taller >= _OTHER_SIZE)
+            & (taller <= 1 / _OTHER_SIZE)
+        )
+        score[row, fits] = overlap[fits] + _LOOK_WEIGHT * alike[row, fits]
+    pairs: dict[int, int] = {}
+    while True:
+        row, column = np.unravel_index(int(score.argmax()), score.shape)
+        if score[row, column] <= _LEAST_SCORE:
+            return pairs
+        pairs[int(row)] = int(column)
+        score[row, :] = -np.inf
+        score[:, column] = -np.inf
