@@ -1,6 +1,7 @@
 """What any ONNX file may hold before a robot's computer runs it: plain operators, and all weights inside.
 
-The file is walked as the protobuf message it is, so that nothing hides in a subgraph, a function or an attribute.
+The file is walked as the protobuf message it is, so that nothing hides in a subgraph, a function or an
+attribute.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """What an ONNX file may hold before a robot's computer runs it.
 
-Plain ONNX operators only, all weights inside the file (`onnx_file`), and tensors exactly as the manifest states.
+Plain ONNX operators only, all weights inside the file (`onnx_file`), and tensors exactly as the manifest
+states.
 """
 
 from __future__ import annotations
