@@ -19,7 +19,7 @@ def from_centres(boxes: Boxes) -> Boxes:
 
 
 def overlap(a: Boxes, b: Boxes) -> NDArray[np.float32]:
-    """Return the intersection over union of every box of `a` with every one of `b`, shape (len(a), len(b))."""
+    """Return intersection over union of each box of `a` with each of `b`, shape (len(a), len(b))."""
     low = np.maximum(a[:, None, :2], b[None, :, :2])
     high = np.minimum(a[:, None, 2:], b[None, :, 2:])
     shared = np.clip(high - low, 0, None).prod(axis=2)

@@ -1,7 +1,7 @@
 """The caption that GroundingDINO reads, and which of its tokens stand for which word. Pure functions.
 
-Words are joined as "person . obstacle ."; tokens attend only within their own phrase, which ends with its full stop,
-and are numbered anew in each (`groundingdino/models/GroundingDINO/bertwarper.py`,
+Words are joined as "person . obstacle ."; tokens attend only within their own phrase, which ends with its
+full stop, and are numbered anew in each (`groundingdino/models/GroundingDINO/bertwarper.py`,
 generate_masks_with_special_tokens_and_transfer_map).
 """
 
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,7 +69,7 @@ def caption(words: Sequence[str], vocabulary: WordPiece, length: int | None, *, 
         )
     real = np.arange(total) < len(tokens)
     positions, attend = np.zeros(total, np.int64), np.eye(total, dtype=bool)
-    for before, end in zip(ends, ends[1:], strict=False):
+    for before, end in pairwise(ends):
         phrase = slice(before + 1, end + 1)
         positions[phrase] = np.arange(end - before)
         attend[phrase, phrase] = True

@@ -1,8 +1,9 @@
-"""GroundingDINO: finds whatever words say. For key frames only: two or three pictures a second on a strong board.
+"""GroundingDINO: finds whatever words say. For key frames only: it is slow.
 
-logits [1, Q, 256] score each of Q boxes against each token of the caption (minus infinity where there is no token),
-boxes [1, Q, 4] are centres and sizes as fractions of the input. A box's score is its best token's, its word the one
-whose tokens it scores best on (`groundingdino/util/inference.py`). Exports differ in which text inputs they have.
+logits [1, Q, 256] score each of Q boxes against each token of the caption (minus infinity where there is no
+token), boxes [1, Q, 4] are centres and sizes as fractions of the input. A box's score is its best token's,
+its word the one whose tokens it scores best on (`groundingdino/util/inference.py`). Exports differ in which
+text inputs they have.
 """
 
 from __future__ import annotations
@@ -74,7 +75,6 @@ class GroundingDino:
         if len(fixed) > 1:
             raise UsageError(f"{where}: its text inputs differ in length: {sorted(map(str, fixed))}")
         self._caption = caption(words, WordPiece.read(vocabulary), next(iter(fixed), None), where=where)
-        self._text_score = sidecar.text_score
         self._rules = Rules(
             words=dict(enumerate(words)),
             score=sidecar.score or SCORE,
@@ -93,7 +93,9 @@ class GroundingDino:
             "pixel_mask": np.ones(self._input.size, np.int64),
         }
         self._texts = {
-            tensor.name: texts[role][None].astype(tensor.dtype) for role, tensor in fed.items() if role in texts
+            tensor.name: texts[role][None].astype(tensor.dtype)
+            for role, tensor in fed.items()
+            if role in texts
         }
         self.networks = (Network(file, providers, threads),)
 
@@ -113,7 +115,6 @@ class GroundingDino:
         by_word = np.stack([tokens[:, span].max(axis=1) for span in self._caption.spans], axis=1)
         classes = by_word.argmax(axis=1)
         scores = by_word[np.arange(len(classes)), classes]
-        scores = np.where(scores >= self._text_score, scores, 0).astype(np.float32)
         rows, columns = self._input.size
         return instances(
             Candidates(

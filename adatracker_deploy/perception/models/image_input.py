@@ -70,14 +70,17 @@ def image_input(
     sides = [own or (wanted[axis] if wanted else None) for axis, own in enumerate(declared)]
     if sides[0] is None or sides[1] is None:
         raise UsageError(
-            f"{file.path}: leaves the size of its picture free ({tensor}): write `size: [rows, columns]` in the sidecar"
+            f"{file.path}: leaves the size of its picture free ({tensor}): write `size: [rows, columns]` "
+            "in the sidecar"
         )
     settled = (sides[0], sides[1])
     if sidecar.size is not None and sidecar.size != settled:
         raise UsageError(f"{file.path}: size is {list(sidecar.size)}, but the picture input is {tensor}")
     multiple = max(stride, sidecar.stride)
     if settled[0] % multiple or settled[1] % multiple:
-        raise UsageError(f"{file.path}: rows and columns {list(settled)} are no multiples of the stride {multiple}")
+        raise UsageError(
+            f"{file.path}: rows and columns {list(settled)} are no multiples of the stride {multiple}"
+        )
     return ImageInput(tensor, settled, how)
 
 

@@ -1,6 +1,7 @@
 """What Ultralytics' exporter writes into a file of itself; trusted before the file's name.
 
-Keys and their spelling are those of `ultralytics/engine/exporter.py`: every value is the text of a Python literal.
+Keys and their spelling are those of `ultralytics/engine/exporter.py`: every value is the text of a Python
+literal.
 """
 
 from __future__ import annotations

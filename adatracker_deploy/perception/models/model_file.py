@@ -16,7 +16,7 @@ FILE_CAP_BYTES = (2 << 30) - 1
 """What one protobuf message can hold, and so one ONNX file."""
 EXTERNAL_CAP_BYTES = 8 << 30
 OPSETS = range(11, 27)
-"""ONNX operator versions that the adapters' files may state: the oldest that the families' exporters write, and
+"""ONNX operator versions that the adapters' files may state: the oldest that the exporters write, and
 the newest that was looked at."""
 
 Shape = tuple[int | None, ...]
@@ -33,7 +33,8 @@ class Tensor:
     shape: Shape
 
     def __str__(self) -> str:
-        return f"{self.name} [{', '.join('any' if size is None else str(size) for size in self.shape)}] {self.dtype}"
+        sides = ", ".join("any" if size is None else str(size) for size in self.shape)
+        return f"{self.name} [{sides}] {self.dtype}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,4 +128,4 @@ def _tensor(value: Any) -> Tensor:
 def _dtype(code: int) -> str:
     names = {"float": "float32", "double": "float64"}
     name = onnx.TensorProto.DataType.Name(code).lower()
-    return names.get(name, name)
+    return str(names.get(name, name))

@@ -59,7 +59,9 @@ class Fit:
         Returns:
             Shape (r', c'), over the whole picture and nothing else, at about the same resolution.
         """
-        per_px = np.array([values.shape[1] / self.size[1], values.shape[0] / self.size[0]])  # cells a px: x, y
+        per_px = np.array(
+            [values.shape[1] / self.size[1], values.shape[0] / self.size[0]]
+        )  # cells a px: x, y
         shown = np.array([self.content[1], self.content[0]]) * per_px
         cells = np.maximum(1, np.rint(shown)).astype(int)
         step = shown / cells
@@ -84,7 +86,9 @@ def fit(picture: tuple[int, int], size: tuple[int, int], resize: Resize) -> Fit:
     if resize == "stretch":
         return Fit(picture, size, size, 0, 0)
     gain = min(size[0] / picture[0], size[1] / picture[1])
-    rows, columns = (max(1, min(whole, round(side * gain))) for side, whole in zip(picture, size, strict=True))
+    rows, columns = (
+        max(1, min(whole, round(side * gain))) for side, whole in zip(picture, size, strict=True)
+    )
     if resize == "letterbox_corner":
         return Fit(picture, size, (rows, columns), 0, 0)
     return Fit(picture, size, (rows, columns), (size[0] - rows) // 2, (size[1] - columns) // 2)

@@ -1,8 +1,9 @@
 """RF-DETR by Roboflow, with masks or without.
 
-dets [1, Q, 4] are centres and sizes as fractions of the picture; labels [1, Q, classes] logits, with the published
-weights by COCO's category numbers (1 is person, 91 in all); masks [1, Q, rows, columns] logits over the whole picture.
-Pictures are stretched, and normalised as ImageNet's are (`rfdetr` documentation, "ONNX inference").
+dets [1, Q, 4] are centres and sizes as fractions of the picture; labels [1, Q, classes] logits, with the
+published weights by COCO's category numbers (1 is person, 91 in all); masks [1, Q, rows, columns] logits over
+the whole picture. Pictures are stretched, and normalised as ImageNet's are (`rfdetr` documentation, "ONNX
+inference").
 """
 
 from __future__ import annotations
@@ -83,8 +84,8 @@ class RfDetrDetector:
         (masks,) = self.networks[0].run(feeds, (self._given["masks"],))
         if masks.min() >= 0 and masks.max() <= 1 and masks.max() > masks.min():
             raise UsageError(
-                f"{self.networks[0].file.path}: its masks lie between {masks.min():.2g} and {masks.max():.2g}, as "
-                "probabilities do: write `masks: probabilities` in the sidecar"
+                f"{self.networks[0].file.path}: its masks lie between {masks.min():.2g} and {masks.max():.2g}, "
+                "as probabilities do: write `masks: probabilities` in the sidecar"
             )
 
     def __call__(self, picture: Picture) -> Instances:

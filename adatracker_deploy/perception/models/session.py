@@ -1,4 +1,4 @@
-"""The one door to onnxruntime for strong models: what runs, on which device, and that its numbers are numbers."""
+"""The one door to onnxruntime for strong models: what runs, where, and that its numbers are numbers."""
 
 from __future__ import annotations
 
@@ -63,7 +63,9 @@ class Network:
 
     def __str__(self) -> str:
         """Say in one line what runs where; a fall-back is told."""
-        told = "" if self.provider == self.asked[0] else f" ({self.asked[0]} was asked for and is not to be had)"
+        told = (
+            "" if self.provider == self.asked[0] else f" ({self.asked[0]} was asked for and is not to be had)"
+        )
         name, digest = self.file.sha256[0]
         return f"{name} {digest[:12]} opset {self.file.opset} on {self.provider}{told}"
 
@@ -101,14 +103,14 @@ class Network:
     def _check_device(self) -> None:
         if self.provider not in self.asked:
             raise UsageError(
-                f"{self.file.path}: {self.asked[0]} is not to be had here, only {self.provider}: mend the driver, "
-                f"or ask for {', '.join(self.asked)}, {self.provider}"
+                f"{self.file.path}: {self.asked[0]} is not to be had here, only {self.provider}: mend the "
+                f"driver, or ask for {', '.join(self.asked)}, {self.provider}"
             )
         half = [tensor for tensor in self.file.inputs.values() if tensor.dtype == "float16"]
         if half and self.provider == "cpu":
             raise UsageError(
-                f"{self.file.path}: takes half precision ({half[0]}), which a processor only imitates slowly: "
-                "export it in float32, or run it on cuda"
+                f"{self.file.path}: takes half precision ({half[0]}), which a processor only imitates "
+                "slowly: export it in float32, or run it on cuda"
             )
 
 

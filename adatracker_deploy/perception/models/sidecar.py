@@ -1,4 +1,4 @@
-"""`MODEL.yaml` beside `MODEL.onnx`: what a file cannot say of itself. Every key but `kind` has its family's value."""
+"""`MODEL.yaml` beside `MODEL.onnx`: what a file cannot say of itself. All but `kind` has a default."""
 
 from __future__ import annotations
 
@@ -47,8 +47,6 @@ class Sidecar:
     """What an RF-DETR file's masks are."""
     score: Annotated[float, Range(0.001, 0.999)] | None = None
     """Instances below this are dropped."""
-    text_score: Annotated[float, Range(0.001, 0.999)] = 0.25
-    """For grounding_dino: a token below this does not count towards a word."""
     nms_iou: Annotated[float, Range(0.05, 1)] | None = None
     """Of two boxes of one class that overlap by more than this, the better one stays; 1 keeps all."""
     limit: Annotated[int, Range(1, 300)] = 100

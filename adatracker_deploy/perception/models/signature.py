@@ -1,4 +1,4 @@
-"""What an adapter needs of a graph's inputs and outputs, bound by name; a file that gives other things is refused."""
+"""What an adapter needs of a graph's inputs and outputs, bound by name; others are refused."""
 
 from __future__ import annotations
 
@@ -44,7 +44,8 @@ def bind(
         names: the user's own map from the adapter's names to the file's; goes before `Port.names`.
 
     Raises:
-        UsageError: one is missing, or has another dtype or shape, or the file wants an input that no one feeds;
+        UsageError: one is missing, or has another dtype or shape, or the file wants an input that no one
+        feeds;
             says what was found and what was expected.
     """
     for role in names:
@@ -56,8 +57,8 @@ def bind(
     unknown = file.inputs.keys() - {tensor.name for tensor in fed.values()}
     if unknown:
         raise UsageError(
-            f"{file.path}: wants the input {_listed(file.inputs[name] for name in sorted(unknown))}, which nobody "
-            f"feeds; known are {', '.join(inputs)}: map them by name under `tensors` in the sidecar"
+            f"{file.path}: wants the input {_listed(file.inputs[name] for name in sorted(unknown))}, which "
+            f"nobody feeds; known are {', '.join(inputs)}: map them by name under `tensors` in the sidecar"
         )
     return fed, _bind(file, outputs, file.outputs, names, "output")
 
@@ -74,8 +75,8 @@ def _bind(
             bound[role] = found[0]
         elif role in names or not port.optional:
             raise UsageError(
-                f"{file.path}: has no {side} {' or '.join(map(repr, candidates))}; it has {_listed(has.values())}: "
-                f"say under `tensors` in the sidecar which of them is {role!r}"
+                f"{file.path}: has no {side} {' or '.join(map(repr, candidates))}; it has "
+                f"{_listed(has.values())}: say under `tensors` in the sidecar which of them is {role!r}"
             )
     return bound
 

@@ -1,8 +1,9 @@
-"""BERT's uncased tokeniser over a vocab.txt that the user brings: basic tokens, then the longest known pieces.
+"""BERT's uncased tokeniser over a user's vocab.txt: basic tokens, then the longest known pieces.
 
-After "BERT: Pre-training of Deep Bidirectional Transformers" and its reference code's `tokenization.py`: control
-characters are dropped, accents stripped, letters lowered, punctuation and CJK characters stand alone; a word is cut
-greedily into the longest pieces of the vocabulary, the second and later ones written with ## in front.
+After "BERT: Pre-training of Deep Bidirectional Transformers" and its reference code's `tokenization.py`:
+control characters are dropped, accents stripped, letters lowered, punctuation and CJK characters stand alone;
+a word is cut greedily into the longest pieces of the vocabulary, the second and later ones written with ## in
+front.
 """
 
 from __future__ import annotations

@@ -35,7 +35,9 @@ def choose(
     for word in asked:
         for name in (word,) if _plain(word) in places else declared.get(_plain(word), (word,)):
             if _plain(name) not in places:
-                raise UsageError(f"{where}: does not know the word {name!r}; it knows {_some(names, synonyms)}")
+                raise UsageError(
+                    f"{where}: does not know the word {name!r}; it knows {_some(names, synonyms)}"
+                )
             for index in places[_plain(name)]:
                 chosen.setdefault(index, word)
     return chosen

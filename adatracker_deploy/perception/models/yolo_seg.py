@@ -1,9 +1,10 @@
 """YOLO by Ultralytics (v8, 11, 26, World, E): a raw head or finished boxes, with masks or without.
 
-Raw: output0 [1, 4 + classes (+ 32), anchors], boxes as centres in px of the input, scores after the sigmoid; finished
-(`end2end`, or exported with `nms=True`): output0 [1, n, 6 (+ 32)], corners, score, class. With masks, output1
-[1, 32, rows / 4, columns / 4] are the prototypes whose sums, weighted by an instance's 32 coefficients, are its mask's
-logits (`ultralytics/utils/ops.py`, process_mask). The words of World and E are those set when they were exported.
+Raw: output0 [1, 4 + classes (+ 32), anchors], boxes as centres in px of the input, scores after the sigmoid;
+finished (`end2end`, or exported with `nms=True`): output0 [1, n, 6 (+ 32)], corners, score, class. With
+masks, output1 [1, 32, rows / 4, columns / 4] are the prototypes whose sums, weighted by an instance's 32
+coefficients, are its mask's logits (`ultralytics/utils/ops.py`, process_mask). The words of World and E are
+those set when they were exported.
 """
 
 from __future__ import annotations
@@ -119,14 +120,18 @@ class YoloDetector:
         looks = shape[2] == _PLAIN + self._coefficients
         if own is not None and own.finished != looks:
             expected = f"[1, n, {_PLAIN + self._coefficients}]" if own.finished else "a raw head"
-            raise UsageError(f"{file.path}: its metadata promise {expected}; found {self._given['instances']}")
+            raise UsageError(
+                f"{file.path}: its metadata promise {expected}; found {self._given['instances']}"
+            )
         return looks
 
     def _classes(self, file: ModelFile) -> int | None:
         """Return how many classes the graph scores; finished boxes do not tell."""
         if self._finished:
             return None
-        return _known(file, self._given["instances"].shape[1], "channels of the head") - 4 - self._coefficients
+        return (
+            _known(file, self._given["instances"].shape[1], "channels of the head") - 4 - self._coefficients
+        )
 
 
 def _known(file: ModelFile, size: int | None, what: str) -> int:
