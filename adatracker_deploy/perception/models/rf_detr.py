@@ -84,7 +84,7 @@ class RfDetrDetector:
         (masks,) = self.networks[0].run(feeds, (self._given["masks"],))
         if masks.min() >= 0 and masks.max() <= 1 and masks.max() > masks.min():
             raise UsageError(
-                f"{self.networks[0].file.path}: its masks lie between {masks.min():.2g} and {masks.max():.2g}, "
+                f"{self.networks[0].file.path}: its masks lie from {masks.min():.2g} to {masks.max():.2g}, "
                 "as probabilities do: write `masks: probabilities` in the sidecar"
             )
 

@@ -1,0 +1,34 @@
+"""What the tests of strong models share."""
+
+from __future__ import annotations
+
+import pytest
+import yaml
+
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.perception.models.catalogue import open_model
+
+
+@pytest.fixture
+def refusal():
+    """Give a function that opens a model and returns the one sentence that refuses it."""
+
+    def hear(path, *args, **kwargs):
+        with pytest.raises(UsageError) as refused:
+            open_model(path, *args, **kwargs)
+        assert len(str(refused.value).splitlines()) == 1
+        return str(refused.value)
+
+    return hear
+
+
+@pytest.fixture
+def sidecar(tmp_path):
+    """Give a function that writes model.yaml."""
+
+    def write(**keys):
+        path = tmp_path / "model.yaml"
+        path.write_text(yaml.safe_dump(keys))
+        return path
+
+    return write
