@@ -105,7 +105,7 @@ def _model_beside(path: Path) -> Path:
 
 def _warm_up(model: Model, path: Path) -> None:
     """Run it on a picture of nothing in particular: what it gives must at least be numbers."""
-    ramp = np.add.outer(np.arange(240), np.arange(320)) % 256
+    ramp = np.add.outer(np.arange(240), np.arange(320)) % 240
     picture: Picture = np.repeat(ramp[..., None], 3, axis=2).astype(np.uint8)
     try:
         if isinstance(model, Sam2Propagator):

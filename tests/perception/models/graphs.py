@@ -54,9 +54,7 @@ def save(path, text, constants=None, metadata=None, opset=OPSET):
     graph.initializer.extend(
         numpy_helper.from_array(np.asarray(value), name) for name, value in every.items() if name in used
     )
-    model = onnx.helper.make_model(
-        graph, opset_imports=[onnx.helper.make_opsetid("", opset)], ir_version=8
-    )
+    model = onnx.helper.make_model(graph, opset_imports=[onnx.helper.make_opsetid("", opset)], ir_version=8)
     for key, value in (metadata or {}).items():
         model.metadata_props.add(key=key, value=value)
     onnx.checker.check_model(model)
@@ -133,8 +131,12 @@ YOLO_CONSTANTS = {
 
 def rf_detr(path, masks=True, classes=91, index=1, **options):
     """Three queries; the second is the block, its class fixed."""
-    outputs = f"float[1,3,4] dets, float[1,3,{classes}] labels" + (", float[1,3,16,16] masks" if masks else "")
-    weights = "drawn = Mul(small, twenty)  logits = Sub(drawn, ten)  masks = Concat<axis = 1>(empty, logits, empty)"
+    outputs = f"float[1,3,4] dets, float[1,3,{classes}] labels" + (
+        ", float[1,3,16,16] masks" if masks else ""
+    )
+    weights = (
+        "drawn = Mul(small, twenty)  logits = Sub(drawn, ten)  masks = Concat<axis = 1>(empty, logits, empty)"
+    )
     surest = np.full((1, 1, classes), -12, np.float32)
     surest[..., index] = 16
     text = f"""
