@@ -1,4 +1,4 @@
-"""ONNX files of the families' true signatures, small enough to compute by hand: each looks for the bright block.
+"""ONNX files of the families' true signatures, computed by hand: each looks for the bright block.
 
 A picture is black but for one block of a pure colour. "Where" finds its first and last bright row and column.
 """
@@ -79,7 +79,7 @@ def metadata(task="segment", **more):
 
 
 def yolo_raw(path, masks=True, **options):
-    """Two anchors on the block, the second a px aside and less sure; classes by the colour: red, green, blue."""
+    """Two anchors on the block, the second a px aside and less sure; classes are red, green and blue."""
     outputs = "float[1,39,2] output0, float[1,32,16,16] output1" if masks else "float[1,7,2] output0"
     weights = "logits = Sub(small, half)  output1 = Concat<axis = 1>(logits, noise)" if masks else ""
     parts = "centre, size, sure, coefficients" if masks else "centre, size, sure"
@@ -164,7 +164,7 @@ def rf_detr(path, masks=True, classes=91, index=1, **options):
 
 
 def grounding_dino(path, person, hf=False):
-    """The first of two queries is the block; it scores on the tokens whose number is `person`, and those alone."""
+    """The first of two queries is the block; it scores on the tokens whose number is `person`."""
     image, boxes = ("pixel_values", "pred_boxes") if hf else ("img", "boxes")
     inputs = "int64[1,T] input_ids, int64[1,T] token_type_ids, "
     inputs += (

@@ -1,8 +1,8 @@
 """Four graphs with SAM2's signatures that follow a colour, in any export's names.
 
-What is remembered of a frame is the colour under its mask; attention weighs the picture's colours by the remembered
-ones; the decoder's mask is where the sum of what is left is large. So a red thing is followed past a blue one. The
-pointer is the prompt's last point: without a prompt on the first picture nothing is ever found again.
+What is remembered of a frame is the colour under its mask; attention weighs the picture's colours by the
+remembered ones; the decoder's mask is where the sum of what is left is large. So a red thing is followed past
+a blue one. The pointer is the prompt's last point: without a prompt on the first picture nothing is found.
 """
 
 from __future__ import annotations
@@ -69,8 +69,8 @@ PREFIXED = PLAIN | {
 }
 
 ENCODER = """
-encoder (float[1,3,64,64] {image}) => (float[1,4,8,8] {pix_feat}, float[1,4,16,16] {fine_0}, float[1,4,8,8] {fine_1},
-    float[1,4,8,8] {features}, float[64,1,4] {positions}) {{
+encoder (float[1,3,64,64] {image}) => (float[1,4,8,8] {pix_feat}, float[1,4,16,16] {fine_0},
+    float[1,4,8,8] {fine_1}, float[1,4,8,8] {features}, float[64,1,4] {positions}) {{
     lit = Relu({image})
     four = Conv(lit, spread)
     {fine_0} = AveragePool<kernel_shape = [4, 4], strides = [4, 4]>(four)
@@ -125,8 +125,8 @@ decoder (float[1,{points},2] {coords}, float[1,{points}] {labels}, float[1,4,8,8
     {score}
 }}"""
 MEMORY = """
-memory (float[1,1,64,64] {e_mask}, float[1,4,8,8] {e_pix_feat}{from_points_in}) => (float[1,4,8,8] {e_features},
-    float[64,1,4] {e_positions}, float[7,1,1,4] {temporal}) {{
+memory (float[1,1,64,64] {e_mask}, float[1,4,8,8] {e_pix_feat}{from_points_in}) => (
+    float[1,4,8,8] {e_features}, float[64,1,4] {e_positions}, float[7,1,1,4] {temporal}) {{
     share = Div({e_mask}, ten)
     kept = Relu(share)
     small = AveragePool<kernel_shape = [8, 8], strides = [8, 8]>(kept)

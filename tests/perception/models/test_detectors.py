@@ -1,4 +1,4 @@
-"""Each family finds the block where it is, in the picture's own px, by the right word and with the right mask."""
+"""Each family finds the block where it is, in the picture's own px, by its word and with its mask."""
 
 from __future__ import annotations
 

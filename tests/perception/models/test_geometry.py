@@ -16,8 +16,8 @@ RESIZES = st.sampled_from(["stretch", "letterbox", "letterbox_corner"])
 
 
 @st.composite
-def boxes_of(draw, count=st.integers(1, 20), side=1000):
-    n = draw(count)
+def boxes_of(draw, side=1000):
+    n = draw(st.integers(1, 20))
     edges = draw(arrays(np.float32, (n, 4), elements=st.floats(0, side, width=32)))
     low, high = np.minimum(edges[:, :2], edges[:, 2:]), np.maximum(edges[:, :2], edges[:, 2:])
     return np.concatenate([low, high], axis=1)

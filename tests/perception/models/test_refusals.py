@@ -1,4 +1,4 @@
-"""A file that is not what it should be is refused in one sentence that says what was found and what was expected."""
+"""A file that is not what it should be is refused in one sentence: what was found, what was expected."""
 
 from __future__ import annotations
 
@@ -223,7 +223,7 @@ def test_scores_that_are_none(tmp_path, refusal):
 
 
 def test_rubbish_that_comes_later_is_the_robots_trouble_and_never_a_box(tmp_path):
-    """The logarithm of what is left to nearly white: finite on the first picture, not where a block is white."""
+    """The logarithm of what is left to nearly white: finite on the first picture, not on a white block."""
     metadata = {"task": "detect", "names": "{0: 'person'}", "imgsz": "[64, 64]"}
     text = """g (float[1,3,64,64] images) => (float[1,5,1] output0) {
         most = ReduceMax<axes = [1, 2, 3], keepdims = 0>(images)

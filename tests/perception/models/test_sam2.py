@@ -1,4 +1,4 @@
-"""A thing is followed by its mask through four graphs, whatever an export calls them, and is lost when it is gone."""
+"""A thing is followed by its mask through four graphs, by any names, and is lost when it is gone."""
 
 from __future__ import annotations
 
