@@ -74,11 +74,11 @@ def instances(candidates: Candidates, rules: Rules, place: Fit, *, where: str) -
     wanted = np.isin(candidates.classes, list(rules.words)) & (scores >= rules.score)
     places = np.flatnonzero(wanted)
     places = places[np.argsort(-scores[places], kind="stable")][:CANDIDATES]
+    if rules.nms_iou < 1:
+        chosen = candidates.boxes[places], scores[places], candidates.classes[places]
+        places = places[best_apart(*chosen, rules.nms_iou)]
     boxes, whole = clipped(place.boxes_back(candidates.boxes[places]), *place.picture)
     places, boxes = places[whole], boxes[whole]
-    if rules.nms_iou < 1:
-        kept = best_apart(boxes, scores[places], candidates.classes[places], rules.nms_iou)
-        places, boxes = places[kept], boxes[kept]
     places, boxes = places[: rules.limit], boxes[: rules.limit]
     return Instances(
         boxes,
