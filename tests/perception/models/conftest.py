@@ -7,6 +7,7 @@ import yaml
 
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.perception.models.catalogue import open_model
+from tests.perception.models import graphs
 
 
 @pytest.fixture
@@ -29,6 +30,21 @@ def sidecar(tmp_path):
     def write(**keys):
         path = tmp_path / "model.yaml"
         path.write_text(yaml.safe_dump(keys))
+        return path
+
+    return write
+
+
+@pytest.fixture
+def yolo(tmp_path):
+    """Give a function that writes a YOLO file, changed by one function, and returns its path."""
+
+    def write(change=None, **entries):
+        path = tmp_path / "model.onnx"
+        model = graphs.yolo_raw(path, metadata=graphs.metadata(**entries))
+        if change is not None:
+            change(model)
+            path.write_bytes(model.SerializeToString())
         return path
 
     return write
