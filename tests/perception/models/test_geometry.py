@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from adatracker_deploy.perception.models.boxes import best_apart, clipped, from_centres, overlap
+from adatracker_deploy.perception.models.image_input import in_boxes
 from adatracker_deploy.perception.models.picture import Preparation, fit, prepare
 
 SIZES = st.tuples(st.integers(16, 1200), st.integers(16, 1200))
@@ -82,3 +83,10 @@ def test_a_map_over_the_input_is_cut_to_the_picture(size, model, resize):
     boxes = np.stack([centres, centres, centres, centres], axis=1).astype(np.float32)
     expected = np.clip(place.boxes_in(boxes)[:, 0], 2, model[1] - 2)
     np.testing.assert_allclose(back[0], expected, atol=0.2)
+
+
+def test_a_mask_is_cleared_outside_its_box():
+    boxes = np.array([[20, 10, 40, 20], [0, 0, 80, 40]], np.float32)
+    masks = in_boxes(np.ones((2, 4, 8), bool), boxes, (40, 80))
+    assert np.argwhere(masks[0]).tolist() == [[1, 2], [1, 3]]
+    assert masks[1].all()

@@ -74,6 +74,16 @@ def test_a_thing_that_is_gone_has_no_mask_and_is_found_again_at_once(follow, sco
     np.testing.assert_array_equal(mask, mask_at(48, 32, 16))
 
 
+def test_what_a_thing_turns_into_is_remembered(follow):
+    """Red, then yellow for a while, then green: without the memory of yellow, green is nothing."""
+    model = follow()
+    model.start(scene((32, 32)), mask_at(32, 32))
+    for colour in (*[(255, 255, 0)] * 3, (0, 255, 0)):
+        now = np.zeros((128, 128, 3), np.uint8)
+        now[32:64, 32:64] = colour
+        np.testing.assert_array_equal(model.step(now).mask, mask_at(32, 32, 16))
+
+
 def test_a_mask_of_everything_is_a_lost_thing(follow):
     model = follow(scored=False)
     model.start(scene((32, 32)), mask_at(32, 32))

@@ -129,7 +129,10 @@ def test_a_provider_that_nobody_knows_and_one_that_is_not_here(yolo, refusal):
 class Fallen(onnxruntime.InferenceSession):
     """What onnxruntime does where CUDA's libraries are missing: it takes the processor and goes on."""
 
+    asked: list
+
     def __init__(self, model, options, providers):
+        Fallen.asked = providers
         super().__init__(model, options, providers=["CPUExecutionProvider"])
 
 
@@ -140,6 +143,7 @@ def test_a_fall_back_to_the_processor_is_told_or_refused(yolo, monkeypatch):
     monkeypatch.setattr(onnxruntime, "get_available_providers", lambda: have)
     monkeypatch.setattr(onnxruntime, "InferenceSession", Fallen)
     network = Network(file, ["cuda", "cpu"])
+    assert Fallen.asked == have
     assert network.provider == "cpu"
     assert str(network).endswith("on cpu (cuda was asked for and is not to be had)")
     with pytest.raises(UsageError, match="cuda is not to be had here, only cpu: mend the driver"):
