@@ -1,0 +1,58 @@
+"""Boxes: corners from centres, overlap, suppression of duplicates, clipping. Pure functions of arrays."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Boxes = NDArray[np.float32]
+"""Left, top, right, bottom, shape (n, 4)."""
+
+SMALLEST_PX = 1.0
+"""A box whose width or height is less holds nothing."""
+
+
+def from_centres(boxes: Boxes) -> Boxes:
+    """Turn (centre x, centre y, width, height) into (left, top, right, bottom), shape (n, 4)."""
+    half = boxes[:, 2:] / 2
+    return np.concatenate([boxes[:, :2] - half, boxes[:, :2] + half], axis=1)
+
+
+def overlap(a: Boxes, b: Boxes) -> NDArray[np.float32]:
+    """Return intersection over union of each box of `a` with each of `b`, shape (len(a), len(b))."""
+    low = np.maximum(a[:, None, :2], b[None, :, :2])
+    high = np.minimum(a[:, None, 2:], b[None, :, 2:])
+    shared = np.clip(high - low, 0, None).prod(axis=2)
+    areas = (np.clip(box[:, 2:] - box[:, :2], 0, None).prod(axis=1) for box in (a, b))
+    area_a, area_b = areas
+    union = area_a[:, None] + area_b[None, :] - shared
+    return np.asarray(shared / np.maximum(union, 1e-9), np.float32)
+
+
+def best_apart(
+    boxes: Boxes, scores: NDArray[np.float32], classes: NDArray[np.intp], iou: float
+) -> NDArray[np.intp]:
+    """Return the places of the boxes that stay, best first: greedy non-maximum suppression within a class.
+
+    Args:
+        boxes: shape (n, 4).
+        scores: shape (n,).
+        classes: shape (n,); boxes of two classes never suppress each other.
+        iou: of two boxes of one class that overlap by more than this, the better one stays.
+    """
+    order = np.argsort(-scores, kind="stable")
+    rivals = overlap(boxes[order], boxes[order]) > iou
+    rivals &= classes[order][:, None] == classes[order][None, :]
+    alive = np.ones(len(order), bool)
+    for place in range(len(order)):
+        if alive[place]:
+            alive[place + 1 :] &= ~rivals[place, place + 1 :]
+    return np.asarray(order[alive], np.intp)
+
+
+def clipped(boxes: Boxes, height: int, width: int) -> tuple[Boxes, NDArray[np.intp]]:
+    """Clip to a picture of this size; return all boxes, and the places of those that still hold something."""
+    limits = np.array([width, height, width, height], np.float32)
+    inside = np.clip(boxes, 0, limits).astype(np.float32)
+    sides = inside[:, 2:] - inside[:, :2]
+    return inside, np.flatnonzero((sides >= SMALLEST_PX).all(axis=1))

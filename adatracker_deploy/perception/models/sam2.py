@@ -1,0 +1,212 @@
+"""SAM2, and EdgeTAM where it is exported likewise: follows one thing by its mask.
+
+On the first picture the thing's box is the prompt, and its mask is what is remembered of it, as SAM2 itself
+takes a mask prompt (`use_mask_input_as_output_without_sam`). Frames where the thing is out of sight are not
+remembered, so that what hides it is not learnt. A model that does not score "in sight" is judged by
+`sight.Sight`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.perception.models.found import sigmoid
+from adatracker_deploy.perception.models.image_input import image_input
+from adatracker_deploy.perception.models.memory_bank import MemoryBank, Remembered
+from adatracker_deploy.perception.models.model_file import ModelFile
+from adatracker_deploy.perception.models.picture import Fit
+from adatracker_deploy.perception.models.rf_detr import IMAGENET
+from adatracker_deploy.perception.models.sam2_graphs import GRAPHS, INPUTS, OUTPUTS, names_by_graph
+from adatracker_deploy.perception.models.session import Feed, Network, Values
+from adatracker_deploy.perception.models.sidecar import Sidecar
+from adatracker_deploy.perception.models.sight import Sight
+from adatracker_deploy.perception.models.signature import bind
+from adatracker_deploy.perception.roles import Picture, Propagated
+
+_INSIDE, _OUTSIDE = 10.0, -10.0
+"""What a certain mask is for the memory encoder: sigmoid x 20 - 10 (`sigmoid_scale_for_mem_enc`)."""
+_POINT, _TOP_LEFT, _BOTTOM_RIGHT, _NO_POINT = 1, 2, 3, -1
+"""Labels of prompt points (`sam2/modeling/sam/prompt_encoder.py`)."""
+
+Bool = NDArray[np.bool_]
+
+
+class Sam2Propagator:
+    """Implements `Propagator`."""
+
+    def __init__(
+        self, files: Mapping[str, ModelFile], sidecar: Sidecar, providers: Sequence[str], threads: int
+    ) -> None:
+        """Start the four graphs.
+
+        Raises:
+            UsageError: a graph is not what an export of this family gives.
+        """
+        names = names_by_graph(sidecar.tensors, where=str(files[GRAPHS[0]].path))
+        bound = {graph: bind(files[graph], INPUTS[graph], OUTPUTS[graph], names[graph]) for graph in GRAPHS}
+        self._fed = {graph: fed for graph, (fed, _) in bound.items()}
+        self._given = {graph: given for graph, (_, given) in bound.items()}
+        encoder = files["image_encoder"]
+        self._input = image_input(encoder, self._fed["image_encoder"]["picture"], sidecar, IMAGENET)
+        self._mask_size = self._size_of_mask(files["memory_encoder"])
+        self.networks = tuple(Network(files[graph], providers, threads) for graph in GRAPHS)
+        self._by_name = dict(zip(GRAPHS, self.networks, strict=True))
+        self._bank: MemoryBank | None = None
+
+    def start(self, picture: Picture, mask: Bool) -> None:
+        """Begin with the thing's mask over this picture, of any resolution; forgets what came before.
+
+        Raises:
+            UsageError: the mask is empty.
+            PlatformError: the model gave what no such model gives.
+        """
+        if not mask.any():
+            raise UsageError("nothing to follow: the mask is empty")
+        feeds, place = self._input.feed(picture)
+        seen = self._run("image_encoder", feeds)
+        given = _laid(mask, place)
+        decoded = self._decode(seen, seen["features"], self._prompt(given))
+        best = _likest(decoded["mask"], given)
+        at_size = cv2.resize(given.astype(np.uint8), self._mask_size[::-1], interpolation=cv2.INTER_NEAREST)
+        values = np.where(at_size > 0, _INSIDE, _OUTSIDE)[None, None]
+        memory, temporal = self._remember(seen, values, _pointer(decoded, best))
+        self._bank = MemoryBank(memory, temporal)
+        self._mask: Bool = _one(decoded["mask"], best)[0, 0] > 0
+        self._sight = Sight(place.map_back(given.astype(np.float32)) > 0.5)
+
+    def step(self, picture: Picture) -> Propagated:
+        """Return where it is in the next picture; raises PlatformError for what no such model gives.
+
+        Raises:
+            RuntimeError: it was not started.
+        """
+        if self._bank is None:
+            raise RuntimeError("step before start")
+        feeds, place = self._input.feed(picture)
+        seen = self._run("image_encoder", feeds)
+        memory, pointers, positions = self._bank.recall()
+        recalled = {
+            "features": seen["features"],
+            "positions": seen["positions"],
+            "pointers": pointers,
+            "memory": memory,
+            "memory_positions": positions,
+        }
+        features = self._run("memory_attention", self._named("memory_attention", recalled))["features"]
+        decoded = self._decode(seen, features, self._prompt(None))
+        best = (
+            int(decoded["quality"][0].argmax())
+            if "quality" in decoded
+            else _likest(decoded["mask"], self._mask)
+        )
+        logits = _one(decoded["mask"], best)[0, 0]
+        over = place.map_back(logits)
+        mask = over > 0
+        score = float(sigmoid(decoded["in_sight"])[0, 0]) if "in_sight" in decoded else _certainty(over)
+        plausible = self._sight.sees(mask)
+        in_sight = score > 0.5 and bool(mask.any()) if "in_sight" in decoded else plausible
+        if not in_sight:
+            return Propagated(np.zeros_like(mask), min(score, 0.5) if "in_sight" in decoded else 0.0)
+        remembered, _ = self._remember(seen, _one(decoded["mask_for_memory"], best), _pointer(decoded, best))
+        self._bank.add(remembered)
+        self._mask = logits > 0
+        return Propagated(mask, score)
+
+    def forget(self) -> None:
+        """Forget everything; `start` begins anew."""
+        self._bank = None
+
+    def _run(self, graph: str, feeds: Mapping[str, Feed]) -> dict[str, Values]:
+        given = self._given[graph]
+        return dict(zip(given, self._by_name[graph].run(feeds, tuple(given.values())), strict=True))
+
+    def _named(self, graph: str, values: Mapping[str, Any]) -> dict[str, Feed]:
+        """Return feeds by the file's names, as its types."""
+        return {
+            tensor.name: np.ascontiguousarray(values[role], dtype=tensor.dtype)
+            for role, tensor in self._fed[graph].items()
+        }
+
+    def _decode(
+        self, seen: Mapping[str, Values], features: Values, prompt: dict[str, Feed]
+    ) -> dict[str, Values]:
+        values = {"features": features, "fine_0": seen["fine_0"], "fine_1": seen["fine_1"]} | prompt
+        return self._run("image_decoder", self._named("image_decoder", values))
+
+    def _remember(self, seen: Mapping[str, Values], mask: Feed, pointer: Values) -> tuple[Remembered, Values]:
+        values = {"mask": mask, "pix_feat": seen["pix_feat"], "from_points": np.zeros((1, 1))}
+        memory = self._run("memory_encoder", self._named("memory_encoder", values))
+        return Remembered(memory["features"], memory["positions"], pointer), memory["temporal"]
+
+    def _prompt(self, mask: Bool | None) -> dict[str, Feed]:
+        """Return points for a mask over the input: its box, or where one point is all, its innermost."""
+        places = self._fed["image_decoder"]["point_labels"].shape[1]
+        points = (
+            [] if mask is None else _box_points(mask) if places is None or places > 1 else _innermost(mask)
+        )
+        points += [(0.0, 0.0, _NO_POINT)] * ((places or max(1, len(points))) - len(points))
+        table = np.array(points, np.float32)[None]
+        return {"point_coords": table[..., :2], "point_labels": table[..., 2]}
+
+    def _size_of_mask(self, file: ModelFile) -> tuple[int, int]:
+        rows, columns = self._fed["memory_encoder"]["mask"].shape[2:]
+        if rows is None or columns is None:
+            rows, columns = self._input.size
+        if (rows, columns) < (8, 8):
+            raise UsageError(
+                f"{file.path}: takes a mask of {rows} x {columns}; expected the size of the picture"
+            )
+        return rows, columns
+
+
+def _laid(mask: Bool, place: Fit) -> Bool:
+    """Lay a mask over the picture into the input, shape (rows, columns)."""
+    rows, columns = place.content
+    laid = np.zeros(place.size, bool)
+    small = cv2.resize(mask.astype(np.float32), (columns, rows), interpolation=cv2.INTER_LINEAR) > 0.5
+    laid[place.top : place.top + rows, place.left : place.left + columns] = small
+    if not laid.any():
+        raise UsageError("nothing to follow: the mask is too small for this model")
+    return laid
+
+
+def _box_points(mask: Bool) -> list[tuple[float, float, int]]:
+    rows, columns = np.nonzero(mask)
+    first = float(columns.min()), float(rows.min()), _TOP_LEFT
+    return [first, (float(columns.max() + 1), float(rows.max() + 1), _BOTTOM_RIGHT)]
+
+
+def _innermost(mask: Bool) -> list[tuple[float, float, int]]:
+    depth = cv2.distanceTransform(np.pad(mask, 1).astype(np.uint8), cv2.DIST_L2, 3)[1:-1, 1:-1]
+    row, column = np.unravel_index(int(depth.argmax()), depth.shape)
+    return [(float(column) + 0.5, float(row) + 0.5, _POINT)]
+
+
+def _likest(candidates: Values, mask: Bool) -> int:
+    """Return which of the masks (1, k, r, c) overlaps most with this one."""
+    size = candidates.shape[3], candidates.shape[2]
+    wanted = cv2.resize(mask.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
+    shares = [(one & wanted).sum() / max(1, (one | wanted).sum()) for one in candidates[0] > 0]
+    return int(np.argmax(shares))
+
+
+def _one(values: Values, place: int) -> Values:
+    """Return the candidate at a place of (1, k, ...), as (1, 1, ...); the only one, if there is but one."""
+    at = place if values.shape[1] > 1 else 0
+    return values[:, at : at + 1]
+
+
+def _pointer(decoded: Mapping[str, Values], place: int) -> Values:
+    pointer = decoded["pointer"]
+    return pointer if pointer.ndim == 2 else _one(pointer, place)[:, 0]
+
+
+def _certainty(logits: Values) -> float:
+    """Return how far from undecided the mask is where it is, 0.5 to 1; 0 where it is nowhere."""
+    return float(sigmoid(logits[logits > 0]).mean()) if (logits > 0).any() else 0.0
