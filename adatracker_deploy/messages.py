@@ -76,6 +76,17 @@ class Box:
         return cls(float(left + right) / 2, float(top + bottom) / 2, float(right - left), float(bottom - top))
 
 
+class TargetState(enum.Enum):
+    """What is known of the target in one frame."""
+
+    TRACKED = "tracked"
+    COASTING = "coasting"
+    """Out of sight for a moment."""
+    REACQUIRED = "reacquired"
+    """Seen again after having been lost, in this frame."""
+    LOST = "lost"
+
+
 @dataclass(frozen=True, slots=True)
 class Observation:
     """What perception made of one frame; `t_ns` and `seq` are the frame's."""
@@ -86,6 +97,8 @@ class Observation:
     confidence: float
     t_ns: int
     seq: int
+    target: TargetState | None = None
+    """None before a target is chosen, and in rehearsals, which know who it is."""
 
 
 @dataclass(frozen=True, slots=True)

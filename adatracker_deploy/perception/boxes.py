@@ -1,4 +1,4 @@
-"""Boxes as corners in pixels: left, top, right, bottom; arrays of shape (n, 4), any float dtype."""
+"""Boxes as corners in pixels: left, top, right, bottom, shape (n, 4). Pure functions of arrays."""
 
 from __future__ import annotations
 
@@ -7,33 +7,70 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[Any]
+Boxes = NDArray[np.floating[Any]]
+"""Left, top, right, bottom, shape (n, 4); results have the dtype of what came in, unless they say another."""
+
+SMALLEST_PX = 1.0
+"""A box whose width or height is less holds nothing."""
 
 
-def overlaps(boxes: Array, others: Array) -> NDArray[np.float64]:
-    """Return the intersection over union of each of `boxes` (n) with each of `others` (m), shape (n, m)."""
-    corner = np.maximum(boxes[:, None, :2], others[None, :, :2])
-    opposite = np.minimum(boxes[:, None, 2:], others[None, :, 2:])
-    shared = (opposite - corner).clip(0).prod(axis=2)
-    return np.asarray(shared / (areas(boxes)[:, None] + areas(others)[None] - shared), np.float64)
+def from_centres(boxes: Boxes) -> Boxes:
+    """Turn (centre x, centre y, width, height) into (left, top, right, bottom), shape (n, 4)."""
+    half = boxes[:, 2:] / 2
+    return np.concatenate([boxes[:, :2] - half, boxes[:, :2] + half], axis=1)
 
 
-def areas(boxes: Array) -> Array:
-    """Return the areas, px^2, shape (n,)."""
-    return np.asarray((boxes[:, 2:] - boxes[:, :2]).prod(axis=1))
-
-
-def centres(boxes: Array) -> Array:
+def centres(boxes: Boxes) -> Boxes:
     """Return the middles (x, y), shape (n, 2)."""
     return np.asarray((boxes[:, :2] + boxes[:, 2:]) / 2)
 
 
-def heights(boxes: Array) -> Array:
+def heights(boxes: Boxes) -> Boxes:
     """Return the heights, px, shape (n,)."""
     return np.asarray(boxes[:, 3] - boxes[:, 1])
 
 
-def widened(boxes: Array, share: float) -> Array:
+def widened(boxes: Boxes, share: float) -> Boxes:
     """Return the boxes with `share` of their own width and height added on every side."""
     margins = (boxes[:, 2:] - boxes[:, :2]) * share
     return np.hstack((boxes[:, :2] - margins, boxes[:, 2:] + margins))
+
+
+def overlap(a: Boxes, b: Boxes) -> NDArray[np.float32]:
+    """Return intersection over union of each box of `a` with each of `b`, shape (len(a), len(b))."""
+    low = np.maximum(a[:, None, :2], b[None, :, :2])
+    high = np.minimum(a[:, None, 2:], b[None, :, 2:])
+    shared = np.clip(high - low, 0, None).prod(axis=2)
+    areas = (np.clip(box[:, 2:] - box[:, :2], 0, None).prod(axis=1) for box in (a, b))
+    area_a, area_b = areas
+    union = area_a[:, None] + area_b[None, :] - shared
+    return np.asarray(shared / np.maximum(union, 1e-9), np.float32)
+
+
+def best_apart(
+    boxes: Boxes, scores: NDArray[np.float32], classes: NDArray[np.intp], iou: float
+) -> NDArray[np.intp]:
+    """Return the places of the boxes that stay, best first: greedy non-maximum suppression within a class.
+
+    Args:
+        boxes: shape (n, 4).
+        scores: shape (n,).
+        classes: shape (n,); boxes of two classes never suppress each other.
+        iou: of two boxes of one class that overlap by more than this, the better one stays.
+    """
+    order = np.argsort(-scores, kind="stable")
+    rivals = overlap(boxes[order], boxes[order]) > iou
+    rivals &= classes[order][:, None] == classes[order][None, :]
+    alive = np.ones(len(order), bool)
+    for place in range(len(order)):
+        if alive[place]:
+            alive[place + 1 :] &= ~rivals[place, place + 1 :]
+    return np.asarray(order[alive], np.intp)
+
+
+def clipped(boxes: Boxes, height: int, width: int) -> tuple[Boxes, NDArray[np.intp]]:
+    """Clip to a picture of this size; return all boxes, and the places of those that still hold something."""
+    limits = np.array([width, height, width, height], np.float32)
+    inside = np.clip(boxes, 0, limits).astype(np.float32)
+    sides = inside[:, 2:] - inside[:, :2]
+    return inside, np.flatnonzero((sides >= SMALLEST_PX).all(axis=1))

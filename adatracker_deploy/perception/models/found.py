@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.perception.models.boxes import best_apart, clipped
+from adatracker_deploy.perception.boxes import best_apart, clipped
 from adatracker_deploy.perception.models.image_input import in_boxes
 from adatracker_deploy.perception.models.picture import Fit
 from adatracker_deploy.perception.roles import Instances

@@ -27,6 +27,8 @@ class Preparation:
     mean: tuple[float, float, float] = (0.0, 0.0, 0.0)
     std: tuple[float, float, float] = (1.0, 1.0, 1.0)
     layout: Literal["nchw", "nhwc"] = "nchw"
+    padding: int = PADDING
+    """The grey of what is around the picture."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +100,7 @@ def prepare(picture: Picture, place: Fit, how: Preparation, dtype: str = "float3
     """Return the network's input, shape (1, 3, rows, columns) or (1, rows, columns, 3)."""
     rows, columns = place.content
     small = cv2.resize(picture, (columns, rows), interpolation=cv2.INTER_LINEAR)
-    canvas = np.full((*place.size, 3), PADDING, np.uint8)
+    canvas = np.full((*place.size, 3), how.padding, np.uint8)
     canvas[place.top : place.top + rows, place.left : place.left + columns] = small
     if how.colour == "bgr":
         canvas = canvas[..., ::-1]

@@ -8,14 +8,14 @@ them. Until then nobody is the target. Time is passed in; the same pictures alwa
 
 from __future__ import annotations
 
-import enum
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from adatracker_deploy.perception.boxes import centres, heights, overlaps
+from adatracker_deploy.messages import TargetState
+from adatracker_deploy.perception.boxes import centres, heights, overlap
 from adatracker_deploy.perception.target.appearance import likeness
 from adatracker_deploy.perception.target.people import Person, assigned
 
@@ -52,21 +52,10 @@ _REACH, _REACH_PER_S = 1.5, 2.5
 _OTHER_SIZE = 0.5
 
 
-class LockState(enum.Enum):
-    """What is known of the target in one picture."""
-
-    TRACKED = "tracked"
-    COASTING = "coasting"
-    """Out of sight for a moment."""
-    REACQUIRED = "reacquired"
-    """Seen again after having been lost, in this picture."""
-    LOST = "lost"
-
-
 class Locked(NamedTuple):
     """What the lock says of one picture."""
 
-    state: LockState
+    state: TargetState
     place: int | None
     """Which of the boxes is the target; None while it is in none of them."""
     likeness: float
@@ -122,7 +111,7 @@ class TargetLock:
         target = everybody.pop(place)
         self._target = _Target(target, target.look)
         self._others = [_Other(person) for person in everybody]
-        return Locked(LockState.TRACKED, place, 1.0)
+        return Locked(TargetState.TRACKED, place, 1.0)
 
     def update(
         self,
@@ -187,14 +176,14 @@ class TargetLock:
         self._others = [other for _, other in known]
         self._others += [other for other in unseen if other.person.unseen_s <= FORGET_S]
         if place is None:
-            return Locked(LockState.LOST if target.lost else LockState.COASTING, None, 0.0)
-        state = LockState.REACQUIRED if was_lost else LockState.TRACKED
+            return Locked(TargetState.LOST if target.lost else TargetState.COASTING, None, 0.0)
+        state = TargetState.REACQUIRED if was_lost else TargetState.TRACKED
         return Locked(state, place, float(alike[place]))
 
 
 def _standing_free(boxes: Boxes) -> NDArray[np.bool_]:
     """Tell of each box whether no other covers it."""
-    covering = overlaps(boxes, boxes)
+    covering = overlap(boxes, boxes)
     np.fill_diagonal(covering, 0.0)
     return np.asarray(covering.max(axis=1, initial=0.0) < CROWDED)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from adatracker_deploy.perception.boxes import centres, heights, overlaps, widened
+from adatracker_deploy.perception.boxes import centres, heights, overlap, widened
 from adatracker_deploy.perception.target.appearance import likeness, mixed
 
 if TYPE_CHECKING:
@@ -95,15 +95,15 @@ def assigned(
     for row, person in enumerate(people):
         here = person.box[None]
         margin = min(_WIDEST, _WIDEN + _WIDEN_PER_S * person.unseen_s)
-        overlap = overlaps(widened(boxes, margin), widened(here, margin))[:, 0]
+        shared = overlap(widened(boxes, margin), widened(here, margin))[:, 0]
         taller = heights(boxes) / heights(here)[0]
         fits = (
-            (overlap >= _LEAST_OVERLAP)
+            (shared >= _LEAST_OVERLAP)
             & (alike[row] >= least_alike[row])
             & (taller >= _OTHER_SIZE)
             & (taller <= 1 / _OTHER_SIZE)
         )
-        score[row, fits] = overlap[fits] + _LOOK_WEIGHT * alike[row, fits]
+        score[row, fits] = shared[fits] + _LOOK_WEIGHT * alike[row, fits]
     pairs: dict[int, int] = {}
     while True:
         row, column = np.unravel_index(int(score.argmax()), score.shape)

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from adatracker_deploy.perception.models.boxes import best_apart, clipped, from_centres, overlap
+from adatracker_deploy.perception.boxes import best_apart, clipped, from_centres, overlap
 from adatracker_deploy.perception.models.image_input import in_boxes
 from adatracker_deploy.perception.models.picture import Preparation, fit, prepare
 

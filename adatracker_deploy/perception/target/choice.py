@@ -1,0 +1,91 @@
+"""Who is the target at the start: by a rule, a point, a box or a number."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, get_args
+
+import numpy as np
+
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.perception.boxes import centres, overlap
+
+if TYPE_CHECKING:
+    from adatracker_deploy.perception.roles import Instances
+
+Rule = Literal["largest", "central", "best"]
+"""Whose box is the largest, or nearest the picture's middle, or most surely a person's."""
+
+LEAST_SCORE = 0.5
+"""Of a detection that may be chosen."""
+_LEAST_OVERLAP = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """A way to choose; `str` gives what `Choice.read` reads."""
+
+    rule: Rule = "largest"
+    numbers: tuple[float, ...] = ()
+    """A point (x, y) or a box (left, top, right, bottom) in fractions of the picture; instead of the rule."""
+    index: int | None = None
+    """From 0, of the people from left to right; instead of the rule."""
+
+    @classmethod
+    def read(cls, text: str) -> Choice:
+        """Read ``largest``, ``central``, ``best``, ``#2``, ``0.5,0.6`` or ``0.4,0.2,0.6,0.9``.
+
+        Raises:
+            UsageError: it is none of them.
+        """
+        if text in get_args(Rule):
+            return cls(rule=text)  # type: ignore[arg-type] -- one of them
+        if re.fullmatch(r"#[1-9]\d?", text):
+            return cls(index=int(text[1:]) - 1)
+        try:
+            numbers = tuple(float(part) for part in text.split(","))
+        except ValueError:
+            numbers = ()
+        is_box = len(numbers) == 4 and numbers[0] < numbers[2] and numbers[1] < numbers[3]
+        if (len(numbers) == 2 or is_box) and all(0 <= number <= 1 for number in numbers):
+            return cls(numbers=numbers)
+        raise UsageError(
+            f"target {text!r}: expected {', '.join(get_args(Rule))}, #N (Nth from the left), X,Y or "
+            "LEFT,TOP,RIGHT,BOTTOM in fractions of the picture"
+        )
+
+    def __call__(self, people: Instances, width: int, height: int) -> int | None:
+        """Return the place in `people` of the one chosen; None while no such person is in sight.
+
+        Args:
+            people: everybody in the picture.
+            width: of the picture, px.
+            height: of the picture, px.
+        """
+        places = np.flatnonzero(people.scores >= LEAST_SCORE)
+        if not places.size:
+            return None
+        boxes = people.boxes[places] / np.array([width, height, width, height], np.float32)
+        if self.index is not None:
+            order = np.argsort(boxes[:, 0], kind="stable")
+            return int(places[order[self.index]]) if self.index < len(order) else None
+        if len(self.numbers) == 2:
+            return _at(self.numbers, boxes, places)
+        if self.numbers:
+            shared = overlap(boxes, np.array([self.numbers]))[:, 0]
+            return int(places[shared.argmax()]) if shared.max() >= _LEAST_OVERLAP else None
+        if self.rule == "best":
+            return int(places[people.scores[places].argmax()])
+        if self.rule == "central":
+            return int(places[np.hypot(*(centres(boxes) - 0.5).T).argmin()])
+        return int(places[(boxes[:, 2:] - boxes[:, :2]).prod(axis=1).argmax()])
+
+
+def _at(point: tuple[float, ...], boxes: np.ndarray, places: np.ndarray) -> int | None:
+    """Return whose box holds the point; of several, the one whose middle is nearest."""
+    x, y = point
+    holding = np.flatnonzero((boxes[:, 0] <= x) & (x <= boxes[:, 2]) & (boxes[:, 1] <= y) & (y <= boxes[:, 3]))
+    if not holding.size:
+        return None
+    return int(places[holding[np.hypot(*(centres(boxes[holding]) - point).T).argmin()]])

@@ -1,0 +1,144 @@
+"""The segmenter for real pictures: a detector finds, a lock keeps the target, a mask head cuts it out.
+
+Pure but for its state: the same frames, in the same order, always give the same observations.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.messages import Box, Frame, MaskClass, Observation, TargetState
+from adatracker_deploy.perception.drawing import MASK_SIZE, class_mask, ellipses
+from adatracker_deploy.perception.target.appearance import appearances
+from adatracker_deploy.perception.target.choice import Choice
+from adatracker_deploy.perception.target.lock import Locked, TargetLock
+from adatracker_deploy.perception.target.motion import CameraMotion
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from adatracker_deploy.perception.roles import Detector, Instances, MaskHead, Masks
+
+PERSON = "person"
+LEAST_OBSTACLE_SCORE = 0.5
+CUT_OUT = 3
+"""People whose masks the mask head cuts out, the target first, then the nearest."""
+SEEN = (TargetState.TRACKED, TargetState.REACQUIRED)
+
+
+class TargetSegmenter:
+    """Implements `Segmenter`.
+
+    Args:
+        detector: of people and, by any other word, of obstacles.
+        mask_head: cuts people out; needed where the detector gives boxes alone.
+        choice: who becomes the target, in the first frame in which there is such a person.
+    """
+
+    def __init__(self, detector: Detector, mask_head: MaskHead | None, choice: Choice | None = None) -> None:
+        self._detector = detector
+        self._mask_head = mask_head
+        self._choice = choice or Choice()
+        self._lock = TargetLock()
+        self._motion = CameraMotion()
+        self._chosen = False
+
+    def __call__(self, frame: Frame) -> Observation:
+        """Return what is in the frame; one after the other, in the order they were taken.
+
+        Raises:
+            PlatformError: the model gave what no such model gives.
+        """
+        found = self._detector(frame.rgb)
+        kinds = np.array([word == PERSON for word in found.words], bool)
+        people = found.only(np.flatnonzero(kinds))
+        obstacles = found.only(np.flatnonzero(~kinds & (found.scores >= LEAST_OBSTACLE_SCORE)))
+        locked = self._locked(frame, people)
+        place = locked.place if locked else None
+        mask = self._drawn(frame, people, obstacles, place)
+        return Observation(
+            mask=mask,
+            box=None if place is None else _fractions(people.boxes[place], frame),
+            confidence=locked.likeness if locked else 0.0,
+            t_ns=frame.t_ns,
+            seq=frame.seq,
+            target=locked.state if locked else None,
+        )
+
+    def _locked(self, frame: Frame, people: Instances) -> Locked | None:
+        """Return what the lock says; None while nobody has been chosen."""
+        height, width = frame.rgb.shape[:2]
+        looks = appearances(frame.rgb, people.boxes)
+        motion = self._motion(frame.rgb, people.boxes)
+        if self._chosen:
+            return self._lock.update(people.boxes, people.scores, looks, motion, frame.t_ns)
+        place = self._choice(people, width, height)
+        if place is None:
+            return None
+        self._chosen = True
+        return self._lock.choose(place, people.boxes, looks, frame.t_ns)
+
+    def _drawn(
+        self, frame: Frame, people: Instances, obstacles: Instances, target: int | None
+    ) -> NDArray[np.uint8]:
+        height, width = frame.rgb.shape[:2]
+        values = [MaskClass.PERSON] * len(people) + [MaskClass.OBSTACLE] * len(obstacles)
+        if target is not None:
+            values[target] = MaskClass.TARGET
+        masks = [*self._people_masks(frame, people, target), *_obstacle_masks(obstacles, width, height)]
+        bottoms = np.concatenate((people.boxes[:, 3], obstacles.boxes[:, 3]))
+        return class_mask(masks, values, bottoms)
+
+    def _people_masks(self, frame: Frame, people: Instances, target: int | None) -> Masks:
+        if people.masks is not None:
+            return people.masks
+        height, width = frame.rgb.shape[:2]
+        masks = ellipses(people.boxes, width, height)
+        if self._mask_head is not None and len(people):
+            nearest = list(np.argsort(-people.boxes[:, 3], kind="stable"))
+            if target is not None:
+                nearest.remove(target)
+                nearest.insert(0, target)
+            places = np.array(nearest[:CUT_OUT])
+            masks[places] = self._mask_head(frame.rgb, people.boxes[places], MASK_SIZE)
+        return masks
+
+
+def _obstacle_masks(obstacles: Instances, width: int, height: int) -> Masks:
+    """Return obstacles' own masks, or their boxes where there are none."""
+    if obstacles.masks is not None:
+        return obstacles.masks
+    masks = np.zeros((len(obstacles), MASK_SIZE, MASK_SIZE), bool)
+    scale = np.array([MASK_SIZE / width, MASK_SIZE / height] * 2)
+    for mask, (left, top, right, bottom) in zip(masks, np.rint(obstacles.boxes * scale).astype(int), strict=True):
+        mask[top:bottom, left:right] = True
+    return masks
+
+
+def _fractions(box: NDArray[np.float32], frame: Frame) -> Box:
+    height, width = frame.rgb.shape[:2]
+    left, top, right, bottom = map(float, box)
+    return Box((left + right) / 2 / width, (top + bottom) / 2 / height, (right - left) / width, (bottom - top) / height)
+
+
+def check(observation: Observation, frame: Frame) -> Observation:
+    """Return the observation if it can be one of the frame; a segmenter of anybody's may be wrong.
+
+    Raises:
+        PlatformError: it is of another frame, its mask holds no classes, its box is no box.
+    """
+    mask, box = observation.mask, observation.box
+    if (observation.seq, observation.t_ns) != (frame.seq, frame.t_ns):
+        raise PlatformError("segmenter: gave an observation of another frame")
+    if mask.ndim != 2 or mask.dtype != np.uint8 or not mask.size or mask.max() > max(MaskClass):
+        raise PlatformError("segmenter: gave what is no class mask")
+    if box is not None:
+        sides = np.array([box.cx, box.cy, box.w, box.h])
+        if not np.isfinite(sides).all() or not (0 < box.w <= 1 and 0 < box.h <= 1 and 0 <= box.cx <= 1 and 0 <= box.cy <= 1):
+            raise PlatformError(f"segmenter: gave a box that is none: {sides.tolist()}")
+    if not 0 <= observation.confidence <= 1:
+        raise PlatformError(f"segmenter: gave a confidence of {observation.confidence}")
+    return observation
