@@ -14,10 +14,11 @@ import time
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
+from adatracker_deploy.dry_run import DryRun
 from adatracker_deploy.errors import PlatformError, UsageError
-from adatracker_deploy.perception.camera import ROBOT, scene_of, without_password
+from adatracker_deploy.perception.camera import ROBOT, FilmOverError, scene_of, without_password
 from adatracker_deploy.perception.pipeline import Perception, Seen
-from adatracker_deploy.perception.segmenter import segment_truth
+from adatracker_deploy.perception.segmenter import TruthSegmenter
 from adatracker_deploy.perception.sources import open_source
 from adatracker_deploy.perception.world_camera import WorldCamera
 from adatracker_deploy.platform import ZERO
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
 
     from adatracker_deploy.geometry import Pose
     from adatracker_deploy.perception.camera import Camera
+    from adatracker_deploy.perception.segmenter import Segmenter
     from adatracker_deploy.platform import Check, Platform, Scenario
     from adatracker_deploy.policy.base import Policy
     from adatracker_deploy.profile import Profile
@@ -62,7 +64,11 @@ class TrialPlan:
     scenario: Scenario
     camera: str
     """The camera's URI; empty for the profile's, or the far end's own in a rehearsal."""
+    segmenter: Segmenter
+    segmenter_name: str
     sitl: bool
+    dry_run: bool
+    """Everything runs but the actuators; no robot is connected."""
     steps: int
     speed: float
     """Seconds of the run's clock per second of the machine's; 1 on real robots."""
@@ -113,14 +119,15 @@ class _Trial:
         if plan.sitl:
             self.progress.phase(f"starting the simulated {plan.platform.name}")
             profile = self.stack.enter_context(plan.platform.sitl(profile)).start(self.clock, plan.scenario)
-        self.link = self.stack.enter_context(LinkProcess(plan.platform, profile, self.clock))
+        robot = DryRun if plan.dry_run else plan.platform
+        self.link = self.stack.enter_context(LinkProcess(robot, profile, self.clock))
         camera = self._open_camera(profile)
         self.progress.phase("connecting")
         self._refuse_unready(self.link.connect())
         self.log = TrialLog.create(
             plan.log_dir,
             platform=plan.platform.name,
-            kind="sitl" if plan.sitl else "real",
+            kind="dry" if plan.dry_run else "sitl" if plan.sitl else "real",
             policy=plan.policy.info.name,
             steps=plan.steps,
             config=self._config(profile),
@@ -132,6 +139,8 @@ class _Trial:
             ending = self._engage_and_follow(camera, profile)
         except KeyboardInterrupt:
             ending = Ending("interrupted", "stopped by the operator")
+        except FilmOverError as error:
+            ending = Ending("completed" if plan.dry_run else "system_fault", str(error))
         except PlatformError as error:
             ending = Ending("system_fault", str(error))
         with _uninterrupted():
@@ -150,12 +159,13 @@ class _Trial:
         self.progress.phase(f"opening the camera {without_password(uri)}")
         self.stack.callback(camera.close)
         camera.open()
-        frame = camera.read(self.clock.now_ns())
-        if frame is None or frame.truth is None:
-            raise UsageError(
-                f"camera {without_password(uri)}: gives pictures alone, and there is no segmenter yet that "
-                "finds the person in them; rehearse with --sitl, or follow a virtual one with --camera world://SCENE"
-            )
+        if isinstance(self.plan.segmenter, TruthSegmenter):
+            frame = camera.read(self.clock.now_ns())
+            if frame is None or frame.truth is None:
+                raise UsageError(
+                    f"camera {without_password(uri)}: gives pictures alone; --segmenter truth is for those of "
+                    "rehearsals, which know what they show: try --segmenter embedded"
+                )
         return camera
 
     def _virtual_camera(self, profile: Profile) -> WorldCamera:
@@ -183,8 +193,9 @@ class _Trial:
         self._engage()
         drawn = isinstance(camera, WorldCamera)
         rate_hz = profile.camera.rate_hz if drawn else LOOK_HZ * self.clock.speed
-        perception = self.stack.enter_context(Perception(camera, segment_truth, self.clock, rate_hz))
-        self.progress.phase("looking for the person")
+        plan.segmenter.reset()
+        perception = self.stack.enter_context(Perception(camera, plan.segmenter, self.clock, rate_hz))
+        self.progress.phase(f"looking for the person, for {FIRST_SIGHT_TIMEOUT_S:g} s at most")
         self._await_first_sight(perception)
         plan.policy.reset(plan.scenario.seed)
         camera.go()
@@ -318,6 +329,7 @@ class _Trial:
             "policy_sha256": dict(plan.policy.info.sha256),
             **asdict(plan.scenario),
             "camera": shown,
+            "segmenter": plan.segmenter_name,
             "speed": plan.speed,
         }
 

@@ -18,8 +18,10 @@ from adatracker_deploy.policy.catalogue import DEFAULT
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from adatracker_deploy.perception.segmenter import Segmenter
     from adatracker_deploy.trial_run import TrialPlan
 
+PROMPT = "person, obstacles"
 RESULTS = ("completed", "lost", "wrong_person", "collision")
 """Outcomes that are results of a trial, not failures of the run."""
 
@@ -33,6 +35,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="the robot: see 'adatracker-deploy platforms'; with --sitl also several, NAME,NAME,...",
     )
     what.add_argument("--sitl", action="store_true", help="simulate the far end of the robot's wire")
+    what.add_argument(
+        "--dry-run", action="store_true", help="run everything but the actuators: no robot is connected"
+    )
     what.add_argument("--profile", metavar="NAME|FILE", help="the robot's profile (default: the platform's)")
     what.add_argument("--policy", metavar="NAME|DIR", default=DEFAULT, help="(default: %(default)s)")
     how = parser.add_argument_group("how")
@@ -50,6 +55,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     view.add_argument("--scene", metavar="NAME", help="of the virtual world (default: simple_room)")
     view.add_argument(
         "--target-speed", type=_number(0, 5), default=1.0, metavar="M_S", help="of the person (default: 1.0)"
+    )
+    view.add_argument(
+        "--segmenter",
+        metavar="NAME|FILE",
+        help="embedded, or a model's .onnx or .yaml (default: embedded; in a virtual world its truth)",
+    )
+    view.add_argument(
+        "--prompt",
+        metavar="WORDS",
+        default=PROMPT,
+        help="what the segmenter looks for (default: %(default)s)",
+    )
+    view.add_argument(
+        "--target",
+        metavar="RULE",
+        default="largest",
+        help="who is followed: largest, central, best, #N from the left, X,Y or LEFT,TOP,RIGHT,BOTTOM in "
+        "fractions of the picture (default: %(default)s)",
     )
     out = parser.add_argument_group("what it leaves")
     out.add_argument("--log-dir", type=Path, default=Path("trials"), help="default: %(default)s")
@@ -112,6 +135,8 @@ def _plan(args: argparse.Namespace, name: str) -> TrialPlan:
     from adatracker_deploy.profile import load_profile
     from adatracker_deploy.trial_run import TrialPlan
 
+    if args.dry_run and args.sitl:
+        raise UsageError("--dry-run moves nothing, --sitl moves a simulated robot: give one of them")
     if args.speed is not None and not args.sitl:
         raise UsageError("--speed is for rehearsals: a real robot cannot be sped up; add --sitl")
     platform = load_platform(name)
@@ -131,17 +156,31 @@ def _plan(args: argparse.Namespace, name: str) -> TrialPlan:
     if virtual:
         _check_world(scenario.scene)
     _check_log_dir(args.log_dir)
+    segmenter, segmenter_name = _segmenter(args, virtual=virtual)
     return TrialPlan(
         platform=platform,
         profile=profile,
         policy=load_policy(args.policy),
         scenario=scenario,
         camera="" if args.sitl and scene is not None else args.camera or "",
+        segmenter=segmenter,
+        segmenter_name=segmenter_name,
         sitl=args.sitl,
+        dry_run=args.dry_run,
         steps=args.steps,
         speed=args.speed or 1.0,
         log_dir=args.log_dir,
     )
+
+
+def _segmenter(args: argparse.Namespace, *, virtual: bool) -> tuple[Segmenter, str]:
+    from adatracker_deploy.perception.segmenters import EMBEDDED, TRUTH, open_segmenter
+    from adatracker_deploy.perception.target.choice import Choice
+
+    name = args.segmenter or (TRUTH if virtual else EMBEDDED)
+    if name == TRUTH and not virtual:
+        raise UsageError("--segmenter truth needs a virtual world: add --sitl, or --camera world://SCENE")
+    return open_segmenter(name, args.prompt, Choice.read(args.target))
 
 
 def _check_world(scene: str) -> None:

@@ -9,6 +9,8 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Protocol
 
+from adatracker_deploy.errors import PlatformError
+
 if TYPE_CHECKING:
     from adatracker_deploy.messages import Frame
 
@@ -18,6 +20,10 @@ OPEN_TIMEOUT_S = 5.0
 """Machine time within which an opened camera must have given its first frame."""
 LARGEST_SIDE = 8192
 """Of any picture, px; larger ones are refused before they are decoded."""
+
+
+class FilmOverError(PlatformError):
+    """A recorded video has been shown to its end."""
 
 
 class Camera(Protocol):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
@@ -19,12 +19,15 @@ MASK_SIZE = 160
 
 
 def class_mask(
-    masks: Masks, values: Sequence[int], bottoms: NDArray[np.float32], size: int = MASK_SIZE
+    masks: Sequence[NDArray[np.bool_]],
+    values: Sequence[int],
+    bottoms: NDArray[np.floating[Any]],
+    size: int = MASK_SIZE,
 ) -> ClassMask:
     """Draw things into one mask, from the farthest to the nearest.
 
     Args:
-        masks: of the n things, over the whole picture.
+        masks: of the n things, shape (h, w) each, over the whole picture.
         values: the `MaskClass` of each.
         bottoms: where each ends below, px, shape (n,): on level ground the lower is the nearer.
         size: rows and columns of the result.
@@ -36,7 +39,7 @@ def class_mask(
 
 
 def ellipses(boxes: NDArray[np.float32], width: int, height: int, size: int = MASK_SIZE) -> Masks:
-    """Return what stands for the masks of people that no mask head has cut out: ellipses that fill their boxes.
+    """Return ellipses that fill their boxes: they stand for masks that no mask head has cut out.
 
     Args:
         boxes: px, shape (n, 4).
@@ -56,6 +59,10 @@ def _at_size(mask: NDArray[np.bool_], size: int) -> NDArray[np.bool_]:
     if mask.shape == (size, size):
         return mask
     small = cv2.resize(mask.astype(np.uint8), (size, size), interpolation=cv2.INTER_AREA)
-    return np.asarray(small > 0) if mask.shape[0] < size else np.asarray(
-        cv2.resize(mask.astype(np.float32), (size, size), interpolation=cv2.INTER_AREA) >= 0.5
+    return (
+        np.asarray(small > 0)
+        if mask.shape[0] < size
+        else np.asarray(
+            cv2.resize(mask.astype(np.float32), (size, size), interpolation=cv2.INTER_AREA) >= 0.5
+        )
     )

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from adatracker_deploy.errors import PlatformError, UsageError
 from adatracker_deploy.messages import Frame
+from adatracker_deploy.perception.camera import FilmOverError
 from adatracker_deploy.perception.capture import Capture
 from adatracker_deploy.perception.watch import FrameWatch
 
@@ -59,7 +60,8 @@ class FileCamera:
         """Return the frame that is due at `now_ns`; None before `open`.
 
         Raises:
-            PlatformError: the video has ended, is damaged or changes its size.
+            FilmOverError: the video has ended.
+            PlatformError: it is damaged or changes its size.
         """
         if self._capture is None:
             return None
@@ -87,7 +89,7 @@ class FileCamera:
     def _frame(self, capture: Capture, number: int, t_ns: int) -> Frame:
         while self._at < number:
             if not capture.grab():
-                raise PlatformError(f"camera {self._path}: the video has ended after {self._at} frames")
+                raise FilmOverError(f"camera {self._path}: the video has ended after {self._at} frames")
             self._at += 1
         try:
             return Frame(capture.rgb(), t_ns, number)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import threading
 from typing import TYPE_CHECKING, NamedTuple, Self
 
+from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.perception.segmenter import check_observation
 from adatracker_deploy.runtime.pacer import Pacer
 
 if TYPE_CHECKING:
@@ -23,6 +25,17 @@ class Seen(NamedTuple):
     observation: Observation
 
 
+def perceive(frame: Frame, segmenter: Segmenter) -> Seen:
+    """Segment one frame: what `Perception` does beside the loop, and tests and scores do frame by frame.
+
+    Raises:
+        PlatformError: the segmenter fails, or what it gave is no observation of this frame.
+    """
+    observation = segmenter(frame)
+    check_observation(observation, frame)
+    return Seen(frame, observation)
+
+
 class Perception:
     """Looks for a new frame at a steady rate, and segments it, in a thread of its own."""
 
@@ -32,7 +45,7 @@ class Perception:
         self._clock = clock
         self._rate_hz = rate_hz
         self._newest: Seen | None = None
-        self._error: Exception | None = None
+        self._error: PlatformError | None = None
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="perception", daemon=True)
         self._thread.start()
@@ -41,7 +54,7 @@ class Perception:
         """Return the newest observation, or None before the first; never blocks.
 
         Raises:
-            Exception: whatever ended the camera or the segmenter.
+            PlatformError: what ended the camera or the segmenter.
         """
         if self._error is not None:
             raise self._error
@@ -66,6 +79,9 @@ class Perception:
             while not self._ending.is_set():
                 frame = self._camera.read(pacer.wait().t_ns)
                 if frame is not None and (self._newest is None or frame.seq != self._newest.frame.seq):
-                    self._newest = Seen(frame, self._segmenter(frame))
-        except Exception as error:  # handed to whoever asks next
+                    self._newest = perceive(frame, self._segmenter)
+        except PlatformError as error:  # handed to whoever asks next
             self._error = error
+        except Exception as error:  # a fault of ours or a model's: the robot stops, as for any other
+            self._error = PlatformError(f"perception: {type(error).__name__}: {error}")
+            self._error.__cause__ = error

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.messages import Box, Frame, MaskClass, Observation, TargetState
+from adatracker_deploy.messages import Box, MaskClass, Observation
 from adatracker_deploy.perception.drawing import MASK_SIZE, class_mask, ellipses
 from adatracker_deploy.perception.target.appearance import appearances
 from adatracker_deploy.perception.target.choice import Choice
@@ -20,13 +19,13 @@ from adatracker_deploy.perception.target.motion import CameraMotion
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from adatracker_deploy.messages import Frame
     from adatracker_deploy.perception.roles import Detector, Instances, MaskHead, Masks
 
 PERSON = "person"
 LEAST_OBSTACLE_SCORE = 0.5
 CUT_OUT = 3
 """People whose masks the mask head cuts out, the target first, then the nearest."""
-SEEN = (TargetState.TRACKED, TargetState.REACQUIRED)
 
 
 class TargetSegmenter:
@@ -42,6 +41,10 @@ class TargetSegmenter:
         self._detector = detector
         self._mask_head = mask_head
         self._choice = choice or Choice()
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the target: the next frame with such a person chooses anew."""
         self._lock = TargetLock()
         self._motion = CameraMotion()
         self._chosen = False
@@ -89,7 +92,11 @@ class TargetSegmenter:
         if target is not None:
             values[target] = MaskClass.TARGET
         masks = [*self._people_masks(frame, people, target), *_obstacle_masks(obstacles, width, height)]
-        bottoms = np.concatenate((people.boxes[:, 3], obstacles.boxes[:, 3]))
+        # A box is larger than what is in it: without its mask an obstacle never hides anybody.
+        obstacle_bottoms = (
+            obstacles.boxes[:, 3] if obstacles.masks is not None else np.zeros(len(obstacles), np.float32)
+        )
+        bottoms = np.concatenate((people.boxes[:, 3], obstacle_bottoms))
         return class_mask(masks, values, bottoms)
 
     def _people_masks(self, frame: Frame, people: Instances, target: int | None) -> Masks:
@@ -113,7 +120,9 @@ def _obstacle_masks(obstacles: Instances, width: int, height: int) -> Masks:
         return obstacles.masks
     masks = np.zeros((len(obstacles), MASK_SIZE, MASK_SIZE), bool)
     scale = np.array([MASK_SIZE / width, MASK_SIZE / height] * 2)
-    for mask, (left, top, right, bottom) in zip(masks, np.rint(obstacles.boxes * scale).astype(int), strict=True):
+    for mask, (left, top, right, bottom) in zip(
+        masks, np.rint(obstacles.boxes * scale).astype(int), strict=True
+    ):
         mask[top:bottom, left:right] = True
     return masks
 
@@ -121,24 +130,9 @@ def _obstacle_masks(obstacles: Instances, width: int, height: int) -> Masks:
 def _fractions(box: NDArray[np.float32], frame: Frame) -> Box:
     height, width = frame.rgb.shape[:2]
     left, top, right, bottom = map(float, box)
-    return Box((left + right) / 2 / width, (top + bottom) / 2 / height, (right - left) / width, (bottom - top) / height)
-
-
-def check(observation: Observation, frame: Frame) -> Observation:
-    """Return the observation if it can be one of the frame; a segmenter of anybody's may be wrong.
-
-    Raises:
-        PlatformError: it is of another frame, its mask holds no classes, its box is no box.
-    """
-    mask, box = observation.mask, observation.box
-    if (observation.seq, observation.t_ns) != (frame.seq, frame.t_ns):
-        raise PlatformError("segmenter: gave an observation of another frame")
-    if mask.ndim != 2 or mask.dtype != np.uint8 or not mask.size or mask.max() > max(MaskClass):
-        raise PlatformError("segmenter: gave what is no class mask")
-    if box is not None:
-        sides = np.array([box.cx, box.cy, box.w, box.h])
-        if not np.isfinite(sides).all() or not (0 < box.w <= 1 and 0 < box.h <= 1 and 0 <= box.cx <= 1 and 0 <= box.cy <= 1):
-            raise PlatformError(f"segmenter: gave a box that is none: {sides.tolist()}")
-    if not 0 <= observation.confidence <= 1:
-        raise PlatformError(f"segmenter: gave a confidence of {observation.confidence}")
-    return observation
+    return Box(
+        (left + right) / 2 / width,
+        (top + bottom) / 2 / height,
+        (right - left) / width,
+        (bottom - top) / height,
+    )

@@ -154,6 +154,7 @@ def _record(
         state_age_s=state.age_s(tick.t_ns),
         latency=latency,
         missed_deadlines=missed_deadlines,
+        target=observation.target.value if observation.target else None,
         distance_m=truth.distance_m if truth else None,
         bearing_rad=truth.bearing_rad if truth else None,
         target_visible=target_visible(truth.distance_m, truth.bearing_rad, observation.box is not None)

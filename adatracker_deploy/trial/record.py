@@ -73,3 +73,5 @@ class StepRecord:
     """Truth, in simulation only: bearing of the target, positive to the left."""
     target_visible: bool | None = None
     """Truth, in simulation only: within 90 degrees and 7.5 m, and in the mask."""
+    target: str | None = None
+    """What is known of the target: tracked, coasting, reacquired or lost; absent where no lock keeps it."""

@@ -11,7 +11,7 @@ from adatracker_deploy.geometry import Pose
 from adatracker_deploy.messages import MaskClass
 from adatracker_deploy.perception.camera import scene_of
 from adatracker_deploy.perception.pipeline import Perception
-from adatracker_deploy.perception.segmenter import segment_truth
+from adatracker_deploy.perception.segmenter import TruthSegmenter
 from adatracker_deploy.perception.world_camera import WorldCamera
 from adatracker_deploy.platform import CameraMount
 from adatracker_deploy.runtime.clock import FakeClock
@@ -43,7 +43,7 @@ def test_wherever_the_robot_starts_it_faces_the_target_2_5_m_ahead(scene):
     frame = Robot(HOVERING).camera(scene).read(STEP_NS)
     assert frame.truth.distance_m == pytest.approx(2.5, abs=0.05)
     assert frame.truth.bearing_rad == pytest.approx(0.0, abs=0.02)
-    box = segment_truth(frame).box
+    box = TruthSegmenter()(frame).box
     assert box.cx == pytest.approx(0.5, abs=0.06)
     assert frame.rgb.shape == (96, 96, 3)
 
@@ -51,10 +51,10 @@ def test_wherever_the_robot_starts_it_faces_the_target_2_5_m_ahead(scene):
 def test_turning_left_moves_the_target_to_the_right():
     robot = Robot(HOVERING)
     camera = robot.camera()
-    straight = segment_truth(camera.read(0)).box
+    straight = TruthSegmenter()(camera.read(0)).box
     robot.pose = replace(HOVERING, yaw=HOVERING.yaw + 0.3)
     turned = camera.read(STEP_NS)
-    assert segment_truth(turned).box.cx > straight.cx + 0.1
+    assert TruthSegmenter()(turned).box.cx > straight.cx + 0.1
     assert turned.truth.bearing_rad == pytest.approx(-0.3, abs=0.02)
 
 
@@ -78,7 +78,7 @@ def test_flying_into_the_person_is_a_collision():
 
 
 def test_the_mask_shows_the_target_where_its_box_is():
-    observation = segment_truth(Robot(HOVERING).camera().read(0))
+    observation = TruthSegmenter()(Robot(HOVERING).camera().read(0))
     row, column = int(observation.box.cy * 96), int(observation.box.cx * 96)
     assert MaskClass.TARGET in observation.mask[row - 3 : row + 3, column - 3 : column + 3]
 
@@ -96,7 +96,7 @@ def test_what_ends_the_camera_reaches_whoever_asks_for_the_newest():
         def read(self, now_ns):
             raise RuntimeError("lens cap")
 
-    perception = Perception(Broken(), segment_truth, FakeClock(), rate_hz=20.0)
+    perception = Perception(Broken(), TruthSegmenter(), FakeClock(), rate_hz=20.0)
     perception.close()
     with pytest.raises(RuntimeError, match="lens cap"):
         perception.newest()

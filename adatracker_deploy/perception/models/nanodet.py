@@ -1,8 +1,8 @@
-"""NanoDet-g, the small detector of COCO's 80 classes that comes with the toolkit (github.com/RangiLyu/nanodet).
+"""NanoDet-g, the small detector of COCO's 80 classes that is shipped (github.com/RangiLyu/nanodet).
 
 Each cell of three grids (strides 8, 16, 32) gives the score of every class and, for each side of a box, a
-distribution over the distances 0 to 10; its mean times the stride is the distance from the cell's centre to that
-side (generalised focal loss, Li et al. 2020, section 3.2).
+distribution over the distances 0 to 10; its mean times the stride is the distance from the cell's centre to
+that side (generalised focal loss, Li et al. 2020, section 3.2).
 """
 
 from __future__ import annotations
@@ -87,11 +87,14 @@ class NanoDet:
 
     def __call__(self, picture: Picture) -> Instances:
         """Return what is in the picture; raises PlatformError where the network gives what none gives."""
-        place = fit(picture.shape[:2], _input_size(*picture.shape[:2], self._side), "letterbox_corner")
+        rows, columns = picture.shape[:2]
+        place = fit((rows, columns), _input_size(rows, columns, self._side), "letterbox_corner")
         feeds = {self._picture: prepare(picture, place, _IMAGENET_BGR)}
         values = dict(zip(self._given, self.networks[0].run(feeds, tuple(self._given.values())), strict=True))
         found = [
-            self._decoded(values[f"cls{stride}"][0], values[f"reg{stride}"][0], stride, place.size[1] // stride)
+            self._decoded(
+                values[f"cls{stride}"][0], values[f"reg{stride}"][0], stride, place.size[1] // stride
+            )
             for stride in STRIDES
         ]
         boxes, scores, classes = (np.concatenate(parts) for parts in zip(*found, strict=True))

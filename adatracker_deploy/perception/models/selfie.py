@@ -55,7 +55,7 @@ class SelfieMasks:
         crop = cv2.warpAffine(picture, to_crop, (_SIDE, _SIDE), flags=cv2.INTER_LINEAR)
         feeds = {self._picture.name: np.multiply(crop, np.float32(1 / 255))[None]}
         (value,) = self.networks[0].run(feeds, (self._mask,))
-        # From the crop straight to the small mask: a cell (u, v) of it lies at ((u + .5) * columns / size - .5, ...).
+        # From the crop straight to the small mask, whose cell u lies at x = (u + 0.5) * columns / size - 0.5.
         grow = np.array([columns / size, rows / size])
         shift = scale * (grow / 2 - 0.5 - (middle - half))
         back = np.array([[scale * grow[0], 0, shift[0]], [0, scale * grow[1], shift[1]]])

@@ -8,6 +8,14 @@ from adatracker_deploy.errors import UsageError
 
 SHOWN = 20
 """How many known words an error lists."""
+OBSTACLES = "obstacles"
+"""Stands for those of `OBSTACLE_WORDS` that a model knows, unless a sidecar declares otherwise."""
+OBSTACLE_WORDS = (
+    "chair, couch, bench, bed, dining table, potted plant, suitcase, refrigerator, tv, toilet, bicycle, car, "
+    "motorcycle, bus, truck, fire hydrant, stop sign, parking meter, table, box, wall, pillar, fence, door, "
+    "tree"
+)
+"""What a robot may run into and what hides people: of COCO's classes, and what open vocabularies add."""
 
 
 def choose(
@@ -30,7 +38,9 @@ def choose(
     places: dict[str, list[int]] = {}
     for index, name in names.items():
         places.setdefault(_plain(name), []).append(index)
-    declared = {_plain(word): meant for word, meant in synonyms.items()}
+    common = [word for word in OBSTACLE_WORDS.split(", ") if word in places]
+    declared = {OBSTACLES: common} if common else {}
+    declared |= {_plain(word): list(meant) for word, meant in synonyms.items()}
     chosen: dict[int, str] = {}
     for word in asked:
         for name in (word,) if _plain(word) in places else declared.get(_plain(word), (word,)):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Literal, cast, get_args
 
 import numpy as np
 
@@ -12,7 +12,9 @@ from adatracker_deploy.errors import UsageError
 from adatracker_deploy.perception.boxes import centres, overlap
 
 if TYPE_CHECKING:
-    from adatracker_deploy.perception.roles import Instances
+    from numpy.typing import NDArray
+
+    from adatracker_deploy.perception.roles import Boxes, Instances
 
 Rule = Literal["largest", "central", "best"]
 """Whose box is the largest, or nearest the picture's middle, or most surely a person's."""
@@ -40,7 +42,7 @@ class Choice:
             UsageError: it is none of them.
         """
         if text in get_args(Rule):
-            return cls(rule=text)  # type: ignore[arg-type] -- one of them
+            return cls(rule=cast("Rule", text))
         if re.fullmatch(r"#[1-9]\d?", text):
             return cls(index=int(text[1:]) - 1)
         try:
@@ -66,26 +68,36 @@ class Choice:
         places = np.flatnonzero(people.scores >= LEAST_SCORE)
         if not places.size:
             return None
-        boxes = people.boxes[places] / np.array([width, height, width, height], np.float32)
+        scale = np.array([width, height, width, height], np.float32)
+        boxes = np.asarray(people.boxes[places] / scale, np.float32)
+        among = self._among(boxes, people.scores[places])
+        return None if among is None else int(places[among])
+
+    def _among(self, boxes: Boxes, scores: NDArray[np.float32]) -> int | None:
+        """Return the place of the one chosen among boxes in fractions of the picture."""
         if self.index is not None:
             order = np.argsort(boxes[:, 0], kind="stable")
-            return int(places[order[self.index]]) if self.index < len(order) else None
-        if len(self.numbers) == 2:
-            return _at(self.numbers, boxes, places)
+            return int(order[self.index]) if self.index < len(order) else None
+        if len(self.numbers) == 4:
+            shared = overlap(boxes, np.array([self.numbers], np.float32))[:, 0]
+            return int(shared.argmax()) if shared.max() >= _LEAST_OVERLAP else None
         if self.numbers:
-            shared = overlap(boxes, np.array([self.numbers]))[:, 0]
-            return int(places[shared.argmax()]) if shared.max() >= _LEAST_OVERLAP else None
-        if self.rule == "best":
-            return int(places[people.scores[places].argmax()])
-        if self.rule == "central":
-            return int(places[np.hypot(*(centres(boxes) - 0.5).T).argmin()])
-        return int(places[(boxes[:, 2:] - boxes[:, :2]).prod(axis=1).argmax()])
+            return _at(self.numbers, boxes)
+        worth = {
+            "best": scores,
+            "central": -_distances(boxes, (0.5, 0.5)),
+            "largest": (boxes[:, 2:] - boxes[:, :2]).prod(axis=1),
+        }
+        return int(worth[self.rule].argmax())
 
 
-def _at(point: tuple[float, ...], boxes: np.ndarray, places: np.ndarray) -> int | None:
+def _at(point: tuple[float, ...], boxes: Boxes) -> int | None:
     """Return whose box holds the point; of several, the one whose middle is nearest."""
     x, y = point
-    holding = np.flatnonzero((boxes[:, 0] <= x) & (x <= boxes[:, 2]) & (boxes[:, 1] <= y) & (y <= boxes[:, 3]))
-    if not holding.size:
-        return None
-    return int(places[holding[np.hypot(*(centres(boxes[holding]) - point).T).argmin()]])
+    left, top, right, bottom = boxes.T
+    holding = np.flatnonzero((left <= x) & (x <= right) & (top <= y) & (y <= bottom))
+    return int(holding[_distances(boxes[holding], point).argmin()]) if holding.size else None
+
+
+def _distances(boxes: Boxes, point: tuple[float, ...]) -> NDArray[np.float32]:
+    return np.asarray(np.linalg.norm(centres(boxes) - np.array(point, np.float32), axis=1))

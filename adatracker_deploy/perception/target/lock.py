@@ -2,8 +2,8 @@
 
 The target is kept by where they must be, by what they look like, and by what everybody else in view does: all
 compete for the boxes. Whoever was out of sight for too long is lost, and taken back only when they look like
-the target again, more than everybody else does, and more than they themselves did when the target stood beside
-them. Until then nobody is the target. Time is passed in; the same pictures always give the same answers.
+the target again, more than everybody else does, and more than they themselves did when the target stood
+beside them. Until then nobody is the target. Time is passed in; the same pictures give the same answers.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _MARGIN_BEFORE = 0.06
 _CONFIRM = 3
 """Pictures in a row that must say so."""
 _REACH, _REACH_PER_S = 1.5, 2.5
-"""How far from where the target was lost, in the target's heights: a person is about 1.7 m and runs at 4 m/s."""
+"""How far from where the target was lost, in the target's heights: people are 1.7 m tall and run at 4 m/s."""
 _OTHER_SIZE = 0.5
 
 
@@ -150,7 +150,9 @@ class TargetLock:
         place = None if was_lost else owner.pop(0, None)
         free = _standing_free(boxes)
         if place is not None:
-            target = _with_sight(target, boxes[place], looks[place], float(alike[place]), free=bool(free[place]))
+            target = _with_sight(
+                target, boxes[place], looks[place], float(alike[place]), free=bool(free[place])
+            )
         first = len(people) - len(others)
         theirs = {box: row - first for row, box in owner.items()}
         beside = place is not None and bool(free[place])
@@ -218,7 +220,8 @@ def _compared(other: _Other, alike: float, target: _Target, *, beside: bool) -> 
 def _taken_back(known: list[tuple[int, _Other]], target: _Target, free: NDArray[np.bool_]) -> int | None:
     """Return the place in `known` of whoever must be the lost target; None while nobody surely is."""
     ranked = sorted(
-        ((other.alike, place) for place, (_, other) in enumerate(known) if other.alike is not None), reverse=True
+        ((other.alike, place) for place, (_, other) in enumerate(known) if other.alike is not None),
+        reverse=True,
     )
     if not ranked:
         return None

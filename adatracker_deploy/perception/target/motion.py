@@ -26,7 +26,10 @@ _LARGEST_SCALE, _LARGEST_SHIFT = 1.25, 0.35
 
 
 class CameraMotion:
-    """Compares each picture with the one before by corners outside of people (Shi and Tomasi 1994; Lucas and Kanade 1981)."""
+    """Compares each picture with the one before by corners outside of people.
+
+    Corners by Shi and Tomasi (1994), followed by Lucas and Kanade (1981), both as OpenCV has them.
+    """
 
     def __init__(self) -> None:
         self._last: NDArray[np.uint8] | None = None
@@ -59,7 +62,10 @@ class CameraMotion:
         if motion is None or agreed.sum() < max(_FEWEST, 0.4 * seen.sum()):
             return STILL
         zoom = float(np.hypot(motion[0, 0], motion[1, 0]))
-        if not 1 / _LARGEST_SCALE < zoom < _LARGEST_SCALE or np.abs(motion[:, 2]).max() > _LARGEST_SHIFT * size[0]:
+        if (
+            not 1 / _LARGEST_SCALE < zoom < _LARGEST_SCALE
+            or np.abs(motion[:, 2]).max() > _LARGEST_SHIFT * size[0]
+        ):
             return STILL
         motion[:, 2] /= scale
         return np.asarray(motion, np.float64)

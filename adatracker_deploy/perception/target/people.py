@@ -22,9 +22,9 @@ _SMOOTHING = 0.4
 _DRIFT_S = 1.0
 """Out of sight for longer, nobody is expected to have gone on as before."""
 _WIDEN, _WIDEN_PER_S, _WIDEST = 0.2, 0.5, 1.0
-"""Boxes are compared with margins of this share of their sides, more the longer somebody was out of sight: two
-boxes of a fast person a picture apart need not touch (Yang et al. 2023, "Hard to track objects with irregular
-motions and similar appearances? Make it easier by buffering the matching space")."""
+"""Boxes are compared with margins of this share of their sides, more the longer somebody was out of sight:
+two boxes of a fast person a picture apart need not touch (Yang et al. 2023, "Hard to track objects with
+irregular motions and similar appearances? Make it easier by buffering the matching space")."""
 _LEAST_OVERLAP = 0.05
 _OTHER_SIZE = 0.6
 """Shares of height further apart than this are not of the same person."""
@@ -64,7 +64,7 @@ class Person:
         return replace(self, box=np.hstack((middle - half, middle + half)), unseen_s=self.unseen_s + dt_s)
 
     def seen(self, box: NDArray[np.float32], look: Appearance | None, learn: float) -> Person:
-        """Return them as seen in `box`, after `expected`; of their look a share is learnt unless it is None."""
+        """Return them as seen in `box`, after `expected`; a share of a look that is given is learnt."""
         found = box.astype(np.float64)
         error = centres(found[None])[0] - centres(self.box[None])[0]
         velocity = self.velocity + _SMOOTHING * error / max(self.unseen_s, 1e-3)
@@ -77,7 +77,10 @@ class Person:
 
 
 def assigned(
-    people: Sequence[Person], boxes: NDArray[np.float64], alike: NDArray[np.float64], least_alike: Sequence[float]
+    people: Sequence[Person],
+    boxes: NDArray[np.float64],
+    alike: NDArray[np.float64],
+    least_alike: Sequence[float],
 ) -> dict[int, int]:
     """Return whose box each is, as {place in `people`: place in `boxes`}: the best pair first, then the next.
 
@@ -106,9 +109,9 @@ def assigned(
         score[row, fits] = shared[fits] + _LOOK_WEIGHT * alike[row, fits]
     pairs: dict[int, int] = {}
     while True:
-        row, column = np.unravel_index(int(score.argmax()), score.shape)
-        if score[row, column] <= _LEAST_SCORE:
+        mine, its = divmod(int(score.argmax()), len(boxes))
+        if score[mine, its] <= _LEAST_SCORE:
             return pairs
-        pairs[int(row)] = int(column)
-        score[row, :] = -np.inf
-        score[:, column] = -np.inf
+        pairs[mine] = its
+        score[mine, :] = -np.inf
+        score[:, its] = -np.inf
