@@ -163,8 +163,8 @@ class _Trial:
             frame = camera.read(self.clock.now_ns())
             if frame is None or frame.truth is None:
                 raise UsageError(
-                    f"camera {without_password(uri)}: gives pictures alone; --segmenter truth is for those of "
-                    "rehearsals, which know what they show: try --segmenter embedded"
+                    f"camera {without_password(uri)}: gives pictures alone; --segmenter truth is for "
+                    "cameras of rehearsals, which know what they show: try --segmenter embedded"
                 )
         return camera
 
