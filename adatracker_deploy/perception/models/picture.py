@@ -102,11 +102,11 @@ def prepare(picture: Picture, place: Fit, how: Preparation, dtype: str = "float3
     small = cv2.resize(picture, (columns, rows), interpolation=cv2.INTER_LINEAR)
     canvas = np.full((*place.size, 3), how.padding, np.uint8)
     canvas[place.top : place.top + rows, place.left : place.left + columns] = small
-    if how.colour == "bgr":
-        canvas = canvas[..., ::-1]
-    factor = (how.scale / np.array(how.std)).astype(np.float32)
-    offset = (np.array(how.mean) / np.array(how.std)).astype(np.float32)
-    values = canvas * factor - offset
-    if how.layout == "nchw":
-        values = values.transpose(2, 0, 1)
-    return np.ascontiguousarray(values[None], dtype=dtype)
+    order = (2, 1, 0) if how.colour == "bgr" else (0, 1, 2)
+    values = np.empty((1, 3, *place.size) if how.layout == "nchw" else (1, *place.size, 3), np.float32)
+    planes = values[0] if how.layout == "nchw" else values[0].transpose(2, 0, 1)
+    # Plane by plane: numpy is several times slower along a last axis of three.
+    for plane, channel, mean, std in zip(planes, order, how.mean, how.std, strict=True):
+        np.multiply(canvas[..., channel], np.float32(how.scale / std), out=plane)
+        np.subtract(plane, np.float32(mean / std), out=plane)
+    return np.asarray(values, dtype=dtype)

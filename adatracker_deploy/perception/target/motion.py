@@ -16,9 +16,9 @@ Motion = NDArray[np.float64]
 
 STILL: Motion = np.eye(2, 3)
 
-_SMALL_PX = 320
-"""Width at which motion is looked for."""
-_CORNERS = 120
+_SMALL_PX = 240
+"""Width at which motion is looked for, about."""
+_CORNERS = 80
 _FEWEST = 12
 """Corners that must agree, for a motion to be believed."""
 _LARGEST_SCALE, _LARGEST_SHIFT = 1.25, 0.35
@@ -42,10 +42,7 @@ class CameraMotion:
             picture: RGB of shape (H, W, 3); all of one size.
             people: boxes in it, which may move by themselves.
         """
-        height, width = picture.shape[:2]
-        scale = _SMALL_PX / width
-        size = (_SMALL_PX, max(8, round(height * scale)))
-        grey = cv2.cvtColor(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), cv2.COLOR_RGB2GRAY)
+        grey, scale = _small(picture)
         last, corners = self._last, self._corners
         background = np.full(grey.shape, 255, np.uint8)
         for left, top, right, bottom in (people * scale).astype(int):
@@ -64,8 +61,20 @@ class CameraMotion:
         zoom = float(np.hypot(motion[0, 0], motion[1, 0]))
         if (
             not 1 / _LARGEST_SCALE < zoom < _LARGEST_SCALE
-            or np.abs(motion[:, 2]).max() > _LARGEST_SHIFT * size[0]
+            or np.abs(motion[:, 2]).max() > _LARGEST_SHIFT * grey.shape[1]
         ):
             return STILL
         motion[:, 2] /= scale
         return np.asarray(motion, np.float64)
+
+
+def _small(picture: Picture) -> tuple[NDArray[np.uint8], float]:
+    """Return the picture in grey, reduced by a whole number (which is fast), and by how much."""
+    height, width = picture.shape[:2]
+    grey = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
+    by = max(1, round(width / _SMALL_PX))
+    if by == 1:
+        return np.asarray(grey, np.uint8), 1.0
+    size = width // by, max(1, height // by)
+    whole = grey[: size[1] * by, : size[0] * by]
+    return np.asarray(cv2.resize(whole, size, interpolation=cv2.INTER_AREA), np.uint8), 1 / by
