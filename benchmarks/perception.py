@@ -11,7 +11,7 @@ DIR holds ``video/vtest.avi`` (PETS09-S2L1, 795 frames, 7 a second), its MOT15 g
   person's box by half; from there to the person's last frame the lock is told nothing more. Success: the
   share of the person's frames in which the lock's box overlaps theirs by more than half. Wrong: the share in
   which it overlaps somebody else's by more than half and not theirs. EL: the share before 20 frames in a row
-  without success. The lock's constants were chosen on this very footage: no other with identities was at hand.
+  without success. The constants of the lock were chosen on this very footage: no other was at hand.
 * speed: from a decoded frame of 640x480 to the observation, each frame in this thread; and each model alone.
 """
 

@@ -180,6 +180,12 @@ def _segmenter(args: argparse.Namespace, *, virtual: bool) -> tuple[Segmenter, s
     name = args.segmenter or (TRUTH if virtual else EMBEDDED)
     if name == TRUTH and not virtual:
         raise UsageError("--segmenter truth needs a virtual world: add --sitl, or --camera world://SCENE")
+    if name == EMBEDDED and virtual:
+        raise UsageError(
+            "--segmenter embedded does not recognise the people of the virtual world, who are made of capsules "
+            "(from a ground robot it finds them in one frame of ten): rehearse with the world's truth, and try "
+            "it on real footage with --dry-run --camera FILE"
+        )
     return open_segmenter(name, args.prompt, Choice.read(args.target))
 
 
