@@ -18,7 +18,6 @@ from adatracker_deploy.dry_run import DryRun
 from adatracker_deploy.errors import PlatformError, UsageError
 from adatracker_deploy.perception.camera import ROBOT, FilmOverError, scene_of, without_password
 from adatracker_deploy.perception.pipeline import Perception, Seen
-from adatracker_deploy.perception.segmenter import TruthSegmenter
 from adatracker_deploy.perception.sources import open_source
 from adatracker_deploy.perception.world_camera import WorldCamera
 from adatracker_deploy.platform import ZERO
@@ -159,11 +158,11 @@ class _Trial:
         self.progress.phase(f"opening the camera {without_password(uri)}")
         self.stack.callback(camera.close)
         camera.open()
-        if isinstance(self.plan.segmenter, TruthSegmenter):
+        if self.plan.segmenter.needs_truth:
             frame = camera.read(self.clock.now_ns())
             if frame is None or frame.truth is None:
                 raise UsageError(
-                    f"camera {without_password(uri)}: gives pictures alone; --segmenter truth is for "
+                    f"camera {without_password(uri)}: gives pictures alone, and this segmenter is for the "
                     "cameras of rehearsals, which know what they show: try --segmenter embedded"
                 )
         return camera

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from adatracker_deploy.perception.segmenter import Segmenter
+    from adatracker_deploy.profile import Profile
     from adatracker_deploy.trial_run import TrialPlan
 
 PROMPT = "person, obstacles"
@@ -59,7 +60,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     view.add_argument(
         "--segmenter",
         metavar="NAME|FILE",
-        help="embedded, or a model's .onnx or .yaml (default: embedded; in a virtual world its truth)",
+        help="embedded, or a model's .onnx or .yaml; in a virtual world truth, or noisy: the truth with the "
+        "mistakes of the embedded one (default: embedded, truth)",
     )
     view.add_argument(
         "--prompt",
@@ -156,7 +158,7 @@ def _plan(args: argparse.Namespace, name: str) -> TrialPlan:
     if virtual:
         _check_world(scenario.scene)
     _check_log_dir(args.log_dir)
-    segmenter, segmenter_name = _segmenter(args, virtual=virtual)
+    segmenter, segmenter_name = _segmenter(args, profile, virtual=virtual)
     return TrialPlan(
         platform=platform,
         profile=profile,
@@ -173,20 +175,20 @@ def _plan(args: argparse.Namespace, name: str) -> TrialPlan:
     )
 
 
-def _segmenter(args: argparse.Namespace, *, virtual: bool) -> tuple[Segmenter, str]:
-    from adatracker_deploy.perception.segmenters import EMBEDDED, TRUTH, open_segmenter
+def _segmenter(args: argparse.Namespace, profile: Profile, *, virtual: bool) -> tuple[Segmenter, str]:
+    from adatracker_deploy.perception.segmenters import EMBEDDED, OF_REHEARSALS, TRUTH, open_segmenter
     from adatracker_deploy.perception.target.choice import Choice
 
     name = args.segmenter or (TRUTH if virtual else EMBEDDED)
-    if name == TRUTH and not virtual:
-        raise UsageError("--segmenter truth needs a virtual world: add --sitl, or --camera world://SCENE")
+    if name in OF_REHEARSALS and not virtual:
+        raise UsageError(f"--segmenter {name} needs a virtual world: add --sitl, or --camera world://SCENE")
     if name == EMBEDDED and virtual:
         raise UsageError(
-            "--segmenter embedded does not recognise the people of the virtual world, who are made of capsules "
-            "(from a ground robot it finds them in one frame of ten): rehearse with the world's truth, and try "
-            "it on real footage with --dry-run --camera FILE"
+            "--segmenter embedded hardly recognises the people of the virtual world, who are made of capsules: "
+            "rehearse with --segmenter noisy, which makes its mistakes, and try it on real footage with "
+            "--dry-run --camera FILE"
         )
-    return open_segmenter(name, args.prompt, Choice.read(args.target))
+    return open_segmenter(name, args.prompt, Choice.read(args.target), rate_hz=profile.camera.rate_hz)
 
 
 def _check_world(scene: str) -> None:

@@ -15,8 +15,8 @@ import numpy as np
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.learning.embodiment import Embodiment
 from adatracker_deploy.learning.episode_spec import EpisodeSpec
-from adatracker_deploy.learning.noise import NoiseLevel
 from adatracker_deploy.learning.view import pitch_in_view_deg
+from adatracker_deploy.world.noise import NoiseLevel
 from adatracker_deploy.world.path import PathName
 
 HEIGHTS_M = (0.3, 1.0, 1.7, 3.0)

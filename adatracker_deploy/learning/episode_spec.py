@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import Annotated
 
 from adatracker_deploy.learning.embodiment import Embodiment
-from adatracker_deploy.learning.noise import MaskNoise, NoiseLevel
 from adatracker_deploy.schema import Range
+from adatracker_deploy.world.noise import MaskNoise, NoiseLevel
 from adatracker_deploy.world.path import PathName
 from adatracker_deploy.world.task import TaskSettings
 from adatracker_deploy.world.world import World

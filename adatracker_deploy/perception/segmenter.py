@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 class Segmenter(Protocol):
     """Tells where the target, other people and obstacles are."""
 
+    needs_truth: bool
+    """Whether it reads the truth that only the cameras of rehearsals send."""
+
     def reset(self) -> None:
         """Forget the target, and all that was seen: a trial begins."""
 
@@ -29,6 +32,8 @@ class Segmenter(Protocol):
 
 class TruthSegmenter:
     """Takes the class mask that a simulated camera knows."""
+
+    needs_truth = True
 
     def reset(self) -> None:
         """Do nothing: it remembers nothing."""

@@ -14,8 +14,10 @@ if TYPE_CHECKING:
     from adatracker_deploy.perception.target.choice import Choice
 
 TRUTH = "truth"
+NOISY = "noisy"
 EMBEDDED = "embedded"
-KNOWN = f"{EMBEDDED}, {TRUTH} (in rehearsals), or a model's .onnx or .yaml file"
+OF_REHEARSALS = (TRUTH, NOISY)
+KNOWN = f"{EMBEDDED}, a model's .onnx or .yaml file, or in rehearsals {' or '.join(OF_REHEARSALS)}"
 _FILES = (".onnx", ".yaml", ".yml")
 
 
@@ -34,14 +36,20 @@ def words_of(prompt: str) -> tuple[str, ...]:
 
 
 def open_segmenter(
-    name: str, prompt: str, choice: Choice, *, providers: tuple[str, ...] | None = None
+    name: str,
+    prompt: str,
+    choice: Choice,
+    *,
+    rate_hz: float,
+    providers: tuple[str, ...] | None = None,
 ) -> tuple[Segmenter, str]:
     """Open a segmenter; return it with one line that says what runs where.
 
     Args:
-        name: `TRUTH`, `EMBEDDED`, or a path to a model.
+        name: `TRUTH`, `NOISY`, `EMBEDDED`, or a path to a model.
         prompt: words with commas between them.
         choice: who becomes the target.
+        rate_hz: of the camera.
         providers: where models run, by preference; None: the processor, or what a model's sidecar says.
 
     Raises:
@@ -50,6 +58,12 @@ def open_segmenter(
     words = words_of(prompt)
     if name == TRUTH:
         return TruthSegmenter(), "the simulated camera's truth"
+    if name == NOISY:
+        from adatracker_deploy.perception.noisy_truth import NoisyTruth  # the sitl extra's world
+
+        return NoisyTruth(
+            "embedded", rate_hz
+        ), "the simulated camera's truth, spoilt like the embedded segmenter's"
     if name == EMBEDDED:
         return _embedded(words, choice, providers or ("cpu",))
     if not name.endswith(_FILES):

@@ -40,6 +40,8 @@ class TargetSegmenter:
         choice: who becomes the target, in the first frame in which there is such a person.
     """
 
+    needs_truth = False
+
     def __init__(self, detector: Detector, mask_head: MaskHead | None, choice: Choice | None = None) -> None:
         self._detector = detector
         self._mask_head = mask_head

@@ -14,9 +14,9 @@ import yaml
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.learning.embodiment import DRONE_DELAY_S, DRONE_LAG_S, BodyKind, Embodiment
 from adatracker_deploy.learning.episode_spec import RATE_HZ, EpisodeSpec
-from adatracker_deploy.learning.noise import NoiseLevel
 from adatracker_deploy.learning.view import pitch_in_view_deg
 from adatracker_deploy.schema import Range, parse
+from adatracker_deploy.world.noise import NoiseLevel
 from adatracker_deploy.world.path import PathName
 from adatracker_deploy.world.scenes import scene_names
 
