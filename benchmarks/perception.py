@@ -193,9 +193,8 @@ def print_noise(found, truth) -> None:
         for box in boxes[scores >= LEAST_SCORE]
     )
     print(f"{frames} frames of {frames / RATE_HZ:.0f} s; false people a frame: {false / len(found):.2f}")
-    print(
-        f"without a box in runs of up to 1 s: {sum(short) / frames:.1%}, {np.mean(short) / RATE_HZ:.2f} s a run"
-    )
+    mean_s = np.mean(short) / RATE_HZ
+    print(f"without a box in runs of up to 1 s: {sum(short) / frames:.1%}, {mean_s:.2f} s a run")
     print(f"longer runs, s: {' '.join(f'{run:.1f}' for run in long_s)}")
 
 

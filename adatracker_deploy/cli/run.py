@@ -184,7 +184,7 @@ def _segmenter(args: argparse.Namespace, profile: Profile, *, virtual: bool) -> 
         raise UsageError(f"--segmenter {name} needs a virtual world: add --sitl, or --camera world://SCENE")
     if name == EMBEDDED and virtual:
         raise UsageError(
-            "--segmenter embedded hardly recognises the people of the virtual world, who are made of capsules: "
+            "--segmenter embedded hardly recognises people of the virtual world, who are made of capsules: "
             "rehearse with --segmenter noisy, which makes its mistakes, and try it on real footage with "
             "--dry-run --camera FILE"
         )

@@ -83,10 +83,10 @@ NOISE: dict[NoiseLevel, NoiseSettings] = {
     ),
 }
 """By name. `field` has the 5 % dropped frames of the conditions' definition. `embedded` is what the embedded
-segmenter and the target lock make of PETS09-S2L1 (19 people, 661 s, `benchmarks/perception.py --noise`): of
-the frames with the target 4.2 % are without its box in runs of up to 1 s, 0.39 s long on average; 12 longer
-runs, of 1.3 s to 2.9 s and one of 15 s; 0.19 false people a frame. Not fitted, as no masks of those frames are
-known: the edges, and what the blobs are."""
+segmenter and the target lock make of PETS09-S2L1 (19 people, 664 s, `benchmarks/perception.py --noise`): of
+the frames with the target 4.2 % are without its box in runs of up to 1 s, 0.39 s long on average; 11 longer
+runs, of 1.3 s to 2.9 s, and one of 15 s; 0.19 false people a frame. Not fitted, as no masks of those frames
+are known: the edges, and what the blobs are."""
 
 _BLOB_CLASSES = (MaskClass.BACKGROUND, MaskClass.TARGET, MaskClass.PERSON, MaskClass.OBSTACLE)
 _BLOB_SHARES = (0.3, 0.1, 0.3, 0.3)

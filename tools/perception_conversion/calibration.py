@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adatracker_deploy.errors import UsageError
+from adatracker_deploy.perception.capture import Capture
 
 Floats = NDArray[np.float32]
 
@@ -66,15 +67,27 @@ def nanodet_input(bgr: NDArray[Any], width: int) -> Floats:
 
 
 def _spread(video: Path, count: int) -> Iterator[NDArray[Any]]:
-    capture = cv2.VideoCapture(str(video))
-    total = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
-    wanted = {round(place) for place in np.linspace(0, total - 1, count)}
-    given = 0
-    for index in range(total):
-        there, picture = capture.read()
-        if there and index in wanted:
-            given += 1
-            yield picture
-    capture.release()
-    if not given:
+    """Yield `count` pictures, BGR, evenly from the video's beginning to its end."""
+    try:
+        total = _length(video)
+        capture = Capture(str(video))
+    except ValueError as error:
+        raise UsageError(f"{video}: no picture can be read from it: {error}") from error
+    if not total:
         raise UsageError(f"{video}: no picture can be read from it")
+    wanted = {round(place) for place in np.linspace(0, total - 1, count)}
+    for index in range(total):
+        capture.grab()
+        if index in wanted:
+            yield capture.rgb()[:, :, ::-1]
+    capture.close()
+
+
+def _length(video: Path) -> int:
+    """Count the frames; what a file says of itself may be wrong."""
+    capture = Capture(str(video))
+    frames = 0
+    while capture.grab():
+        frames += 1
+    capture.close()
+    return frames
