@@ -296,7 +296,7 @@ def test_heads_stay_in_float_and_quantising_twice_gives_the_same_bytes():
 
 def test_calibration_takes_videos_and_folders_of_them_and_says_where_there_are_none(tmp_path):
     video = tmp_path / "one.avi"
-    writer = cv2.VideoWriter(str(video), cv2.VideoWriter.fourcc(*"MJPG"), 10, (128, 96))
+    writer = cv2.VideoWriter(str(video), cv2.CAP_OPENCV_MJPEG, cv2.VideoWriter.fourcc(*"MJPG"), 10, (128, 96))
     for _ in range(6):
         writer.write(np.full((96, 128, 3), 100, np.uint8))
     writer.release()
