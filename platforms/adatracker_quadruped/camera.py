@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 import zenoh
 
 from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.perception.image import decode_image
 from adatracker_deploy.perception.live import LiveCamera, Picture
 from adatracker_quadruped.camera_topic import with_camera
-from adatracker_quadruped.image import decode_rgb
 from adatracker_quadruped.keys import Keys
 from adatracker_quadruped.messages import decode_compressed_image
 from adatracker_quadruped.protocol import IMAGE_CAP_BYTES
@@ -111,7 +111,7 @@ class ZenohCamera(LiveCamera):
             raise ValueError(f"a message of {len(sample.payload)} bytes")
         image = self._decode(bytes(sample.payload))
         truth = truths.of(image.stamp_ns) if truths is not None else None
-        return Picture(decode_rgb(bytes(image.data)), t_ns, truth)
+        return Picture(decode_image(bytes(image.data)), t_ns, truth)
 
 
 class _Truths:
