@@ -50,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--camera",
         metavar="URI",
         help="world://SCENE: a virtual world, also for a real robot; robot://TOPIC: on its own wire; "
-        "or a device's number, a file, an http, rtsp or gst address",
+        "or a device's number, a file, a folder of pictures, an http, rtsp or gst address",
     )
     view.add_argument("--scene", metavar="NAME", help="of the virtual world (default: simple_room)")
     view.add_argument(

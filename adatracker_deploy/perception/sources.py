@@ -11,6 +11,8 @@ from adatracker_deploy.errors import UsageError
 from adatracker_deploy.perception.camera import ROBOT, WORLD, without_password
 from adatracker_deploy.perception.capture import has_gstreamer
 from adatracker_deploy.perception.file import FileCamera
+from adatracker_deploy.perception.film import FASTEST_HZ, SLOWEST_HZ
+from adatracker_deploy.perception.folder import USUAL_HZ, FolderCamera, pictures_in
 from adatracker_deploy.perception.mjpeg import MjpegCamera
 from adatracker_deploy.perception.video import DEVICE, GSTREAMER, VideoCamera
 
@@ -19,7 +21,8 @@ if TYPE_CHECKING:
     from adatracker_deploy.runtime.clock import Clock
 
 KNOWN = (
-    "a device (0, /dev/video0), a video file, http(s)://HOST/PATH (MJPEG), rtsp(s)://HOST/PATH, "
+    f"a device (0, /dev/video0), a video file, a folder of PNG or JPEG pictures ({USUAL_HZ:g} Hz, or "
+    "FOLDER?rate=HZ), http(s)://HOST/PATH (MJPEG), rtsp(s)://HOST/PATH, "
     f"udp://HOST:PORT, tcp://HOST:PORT, {GSTREAMER}PIPELINE, {WORLD}SCENE or {ROBOT}TOPIC"
 )
 """What a URI may be."""
@@ -27,6 +30,7 @@ KNOWN = (
 _MJPEG_SCHEMES = ("http", "https")
 _STREAM_SCHEMES = ("rtsp", "rtsps", "udp", "tcp")
 _PORT_NEEDED = ("udp", "tcp")
+_RATE = "?rate="
 _SCHEME = re.compile(r"([a-zA-Z][a-zA-Z0-9+.-]*)://")
 
 
@@ -47,8 +51,13 @@ def check_uri(uri: str) -> None:
         _check_path(uri)
 
 
-def open_source(uri: str, clock: Clock) -> Camera:
+def open_source(uri: str, clock: Clock, *, every_frame: bool = False) -> Camera:
     """Return the camera that `uri` means, not open yet.
+
+    Args:
+        uri: see `KNOWN`.
+        clock: the run's.
+        every_frame: of a file or folder; see `FilmCamera`.
 
     Raises:
         UsageError: no camera is reached that way.
@@ -63,7 +72,10 @@ def open_source(uri: str, clock: Clock) -> Camera:
         return VideoCamera(uri, clock)
     if uri.isdecimal():
         return VideoCamera(_device(uri), clock)
-    return FileCamera(Path(uri))
+    path, rate_hz = _path_and_rate(uri)
+    if path.is_dir():
+        return FolderCamera(path, rate_hz=rate_hz or USUAL_HZ, every_frame=every_frame)
+    return FileCamera(path, every_frame=every_frame)
 
 
 def _check_pipeline(uri: str) -> None:
@@ -107,14 +119,35 @@ def _device(number: str) -> str:
 
 
 def _check_path(uri: str) -> None:
-    path = Path(_device(uri)) if uri.isdecimal() else Path(uri)
     if not uri:
         raise UsageError(f"camera '': expected {KNOWN}")
+    path, rate_hz = (Path(_device(uri)), None) if uri.isdecimal() else _path_and_rate(uri)
     if path.is_relative_to(DEVICE):
         if not path.is_char_device():
             found = ", ".join(sorted(map(str, Path(DEVICE).glob("video*")))) or "none"
             raise UsageError(f"camera {uri!r}: there is no device {path}; cameras here: {found}")
     elif not path.exists():
         raise UsageError(f"camera {uri!r}: no such file; expected {KNOWN}")
+    elif path.is_dir():
+        try:
+            pictures_in(path)
+        except ValueError as error:
+            raise UsageError(f"camera {uri!r}: {error}") from error
     elif not path.is_file():
         raise UsageError(f"camera {uri!r}: is not a video file")
+    elif rate_hz is not None:
+        raise UsageError(f"camera {uri!r}: a video file has a rate of its own; {_RATE}HZ is for folders")
+
+
+def _path_and_rate(uri: str) -> tuple[Path, float | None]:
+    """Return the path and, where the URI names one, the rate, Hz."""
+    text, named, rate = uri.rpartition(_RATE)
+    if not named or Path(uri).exists():  # any name may be a file's
+        return Path(uri), None
+    try:
+        rate_hz = float(rate)
+    except ValueError:
+        rate_hz = 0.0
+    if not SLOWEST_HZ <= rate_hz <= FASTEST_HZ:
+        raise UsageError(f"camera {uri!r}: expected {_RATE}HZ of {SLOWEST_HZ:g} to {FASTEST_HZ:g}")
+    return Path(text), rate_hz
