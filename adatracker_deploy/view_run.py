@@ -59,6 +59,7 @@ class Viewer:
             policy.reset()
         self._cadence = Cadence(policy) if policy is not None else None
         self._began_s = self._ended_s = 0.0
+        self._first_ns = 0
         self._took_ms: list[float] = []
         self._states: Counter[str] = Counter()
         self._in_sight = 0
@@ -78,16 +79,18 @@ class Viewer:
             self._began_s, self._first_ns = began_s, frame.t_ns
         observation = perceive(frame, self._segmenter).observation
         action = self._cadence.act(observation) if self._cadence is not None else None
+        self._took_ms.append((time.perf_counter() - began_s) * 1e3)
         since_ns = frame.t_ns - self._first_ns
         when = f"age {(clock.now_ns() - frame.t_ns) / 1e6:.0f} ms" if clock else f"{since_ns / 1e9:.2f} s"
         picture = overlay(frame.rgb, observation, when, self._drive(observation, action))
         self._ended_s = time.perf_counter()
-        self._took_ms.append((self._ended_s - began_s) * 1e3)
         self._count(observation)
         return Viewed(picture, observation, action)
 
     def summary(self) -> dict[str, Any]:
-        """Return the counts; `tracked` is the share of frames in which the target was seen."""
+        """Return the counts: `tracked` is the share of frames in which the target was seen, `frame_ms` what
+        perception and policy take of each, without the drawing.
+        """
         frames, elapsed_s = len(self._took_ms), self._ended_s - self._began_s
         p50, p95 = np.percentile(self._took_ms, (50, 95)) if frames else (None, None)
         return {
@@ -111,7 +114,7 @@ class Viewer:
     def _drive(self, observation: Observation, action: Action | None) -> Drive | None:
         if self._policy is None:
             return None
-        moves = None
+        moves: dict[str, float] | None = None
         if action is not None:
             signed = zip(self._policy.info.action, map(float, action.values), strict=True)
             moves = {entry.axis: value * entry.sign for entry, value in signed}

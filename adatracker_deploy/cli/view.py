@@ -54,6 +54,7 @@ def run(args: argparse.Namespace) -> int:
     from rich.console import Console
 
     from adatracker_deploy.cli.run import interrupt
+    from adatracker_deploy.messages import Frame
     from adatracker_deploy.perception.camera import without_password
     from adatracker_deploy.perception.film import FilmCamera
     from adatracker_deploy.perception.segmenters import EMBEDDED, open_segmenter
@@ -76,13 +77,18 @@ def run(args: argparse.Namespace) -> int:
         stack.callback(camera.close)
         camera.open()
         viewer = Viewer(segmenter, policy)
-        stack.callback(lambda: _show(console, args, found | viewer.summary()))
-        found = {
+        about = {
             "camera": without_password(args.camera),
             "segmenter": segmenter_name,
             "policy": policy.info.name if policy else None,
             "written": str(args.write) if args.write else None,
         }
+
+        def tell(error: type[BaseException] | None, *_: object) -> None:
+            if error is None or not issubclass(error, UsageError):
+                _show(console, args, about | viewer.summary())
+
+        stack.push(tell)
         writer = _writer(args, film.rate_hz if film else LIVE_WRITE_HZ, stack)
         console.print(f"segmenter: {segmenter_name}", markup=False)
         if shown is not None:
@@ -92,7 +98,7 @@ def run(args: argparse.Namespace) -> int:
             for frame in frames:
                 viewed = viewer.look(frame, None if film else clock)
                 if shown is not None:
-                    shown.publish(type(frame)(viewed.picture, frame.t_ns, frame.seq))
+                    shown.publish(Frame(viewed.picture, frame.t_ns, frame.seq))
                 if writer is not None:
                     writer.write(viewed.picture, frame.t_ns)
                 state = viewed.observation.target

@@ -111,10 +111,13 @@ def _tint(image: Image, mask: ClassMask) -> None:
         if not found.any():
             continue
         soft = cv2.resize(found.astype(np.uint8) * 255, (width, height), interpolation=cv2.INTER_LINEAR)
-        inside = np.asarray(soft > 127)
-        colour = np.array(PALETTE[value], np.float32) * strength
-        image[inside] = (image[inside] * (1 - strength) + colour).astype(np.uint8)
-        outlines, _ = cv2.findContours(inside.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+        _, inside = cv2.threshold(soft, 127, 255, cv2.THRESH_BINARY)
+        left, top, across, down = cv2.boundingRect(inside)
+        area = image[top : top + down, left : left + across]
+        colours = np.full_like(area, PALETTE[value])
+        painted = cv2.addWeighted(area, 1 - strength, colours, strength, 0)
+        cv2.copyTo(painted, inside[top : top + down, left : left + across], area)
+        outlines, _ = cv2.findContours(inside, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
         cv2.drawContours(image, outlines, -1, PALETTE[value], 1, cv2.LINE_AA)
 
 
@@ -187,7 +190,7 @@ class _Pen:
         self._panel(left - 1, top - line, width + 2, line)
         self._image[top : top + height, left : left + width] = rgb
         cv2.rectangle(self._image, (left - 1, top - 1), (left + width, top + height), FAINT, 1)
-        self._write(f"network {sees.shape[1]}x{sees.shape[0]}", left + gap // 2, top - gap // 2, WHITE)
+        self._write("network", left + gap // 2, top - gap // 2, WHITE)
 
     def _panel(self, left: int, top: int, width: int, height: int) -> None:
         area = self._image[max(top, 0) : max(top + height, 0), max(left, 0) : max(left + width, 0)]
