@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -160,7 +161,7 @@ class _Pen:
         gap, line = self._gap, self._line
         lines = _move_lines(moves)
         dial = 4 * line
-        width = dial + max(self._text_width("turn right 0.00"), *map(self._text_width, lines)) + 3 * gap
+        width = dial + max(map(self._text_width, ["turn right 0.00", *lines])) + 3 * gap
         top = self._height - gap - dial - gap
         self._panel(gap, top, width, dial + gap)
         centre = (gap + gap // 2 + dial // 2, top + gap // 2 + dial // 2)
@@ -211,8 +212,8 @@ def _move_lines(moves: Mapping[str, float] | None) -> Sequence[str]:
 
 
 def _inside(right: float, up: float) -> tuple[float, float]:
-    """Return the point of the unit disc in the direction of (right, up); NaN stays at its centre."""
-    length = float(np.hypot(right, up))
-    if not length > 0:
+    """Return (right, up), or where its direction leaves the unit disc; the centre for what is not finite."""
+    length = math.hypot(right, up)
+    if not math.isfinite(length):
         return 0.0, 0.0
     return right / max(length, 1.0), up / max(length, 1.0)
