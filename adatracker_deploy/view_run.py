@@ -43,6 +43,15 @@ class Viewed(NamedTuple):
     action: Action | None
 
 
+class _Counted(NamedTuple):
+    """What is kept of a frame."""
+
+    took_ms: float
+    state: str
+    in_sight: bool
+    done_s: float
+
+
 class Viewer:
     """Looks at frames one after the other and keeps count; no time but the frames' own is in its pictures.
 
@@ -58,11 +67,8 @@ class Viewer:
         if policy is not None:
             policy.reset()
         self._cadence = Cadence(policy) if policy is not None else None
-        self._began_s = self._ended_s = 0.0
-        self._first_ns = 0
-        self._took_ms: list[float] = []
-        self._states: Counter[str] = Counter()
-        self._in_sight = 0
+        self._began_s, self._first_ns = 0.0, 0
+        self._counted: list[_Counted] = []
 
     def look(self, frame: Frame, clock: Clock | None = None) -> Viewed:
         """Segment, ask the policy and draw.
@@ -75,41 +81,35 @@ class Viewer:
             PlatformError: the segmenter fails.
         """
         began_s = time.perf_counter()
-        if not self._took_ms:
+        if not self._counted:
             self._began_s, self._first_ns = began_s, frame.t_ns
         observation = perceive(frame, self._segmenter).observation
         action = self._cadence.act(observation) if self._cadence is not None else None
-        self._took_ms.append((time.perf_counter() - began_s) * 1e3)
+        took_ms = (time.perf_counter() - began_s) * 1e3
         since_ns = frame.t_ns - self._first_ns
         when = f"age {(clock.now_ns() - frame.t_ns) / 1e6:.0f} ms" if clock else f"{since_ns / 1e9:.2f} s"
         picture = overlay(frame.rgb, observation, when, self._drive(observation, action))
-        self._ended_s = time.perf_counter()
-        self._count(observation)
+        in_sight = observation.box is not None  # in one piece, whenever somebody interrupts
+        self._counted.append(_Counted(took_ms, _state_name(observation), in_sight, time.perf_counter()))
         return Viewed(picture, observation, action)
 
     def summary(self) -> dict[str, Any]:
         """Return the counts: `tracked` is the share of frames in which the target was seen, `frame_ms` what
         perception and policy take of each, without the drawing.
         """
-        frames, elapsed_s = len(self._took_ms), self._ended_s - self._began_s
-        p50, p95 = np.percentile(self._took_ms, (50, 95)) if frames else (None, None)
+        counted = self._counted
+        states = Counter(frame.state for frame in counted)
+        took_ms = [frame.took_ms for frame in counted]
         return {
-            "frames": frames,
-            "rate_hz": round(frames / elapsed_s, 2) if frames else None,
-            "tracked": round(self._in_sight / frames, 4) if frames else None,
-            "states": {name: self._states[name] for name in _state_names()},
+            "frames": len(counted),
+            "rate_hz": round(len(counted) / (counted[-1].done_s - self._began_s), 2) if counted else None,
+            "tracked": round(sum(frame.in_sight for frame in counted) / len(counted), 4) if counted else None,
+            "states": {name: states[name] for name in (*(state.value for state in TargetState), UNCHOSEN)},
             "frame_ms": {
-                "p50": None if p50 is None else round(float(p50), 2),
-                "p95": None if p95 is None else round(float(p95), 2),
+                f"p{share}": round(float(np.percentile(took_ms, share)), 2) if counted else None
+                for share in (50, 95)
             },
         }
-
-    def _count(self, observation: Observation) -> None:
-        self._in_sight += observation.box is not None
-        state = observation.target
-        if state is None and observation.box is not None:
-            state = TargetState.TRACKED  # a rehearsal knows who it is
-        self._states[state.value if state else UNCHOSEN] += 1
 
     def _drive(self, observation: Observation, action: Action | None) -> Drive | None:
         if self._policy is None:
@@ -158,5 +158,7 @@ def live_frames(camera: Camera, clock: Clock) -> Iterator[Frame]:
             yield frame
 
 
-def _state_names() -> list[str]:
-    return [*(state.value for state in TargetState), UNCHOSEN]
+def _state_name(observation: Observation) -> str:
+    if observation.target is None:  # a rehearsal knows who it is
+        return TargetState.TRACKED.value if observation.box is not None else UNCHOSEN
+    return observation.target.value

@@ -96,7 +96,7 @@ def test_text_stands_out_on_any_background(background):
 def dial(picture):
     """Return the middle of what is white in the dial, right and up of its centre."""
     corner = picture[-110:, :110]
-    rows, columns = np.nonzero((np.abs(corner.astype(int) - WHITE).max(axis=-1) < 8))
+    rows, columns = np.nonzero(np.abs(corner.astype(int) - WHITE).max(axis=-1) < 8)
     return columns.mean(), -rows.mean()
 
 
