@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import SplitResult, urlsplit
@@ -20,16 +21,21 @@ if TYPE_CHECKING:
     from adatracker_deploy.perception.camera import Camera
     from adatracker_deploy.runtime.clock import Clock
 
+ZENOH = "zenoh://"
 KNOWN = (
     f"a device (0, /dev/video0), a video file, a folder of PNG or JPEG pictures ({USUAL_HZ:g} Hz, or "
     "FOLDER?rate=HZ), http(s)://HOST/PATH (MJPEG), rtsp(s)://HOST/PATH, "
-    f"udp://HOST:PORT, tcp://HOST:PORT, {GSTREAMER}PIPELINE, {WORLD}SCENE or {ROBOT}TOPIC"
+    f"udp://HOST:PORT, tcp://HOST:PORT, {ZENOH}HOST:PORT/TOPIC, {GSTREAMER}PIPELINE, "
+    f"{WORLD}SCENE or {ROBOT}TOPIC"
 )
 """What a URI may be."""
 
 _MJPEG_SCHEMES = ("http", "https")
+_ZENOH_SCHEME = "zenoh"
 _STREAM_SCHEMES = ("rtsp", "rtsps", "udp", "tcp")
-_PORT_NEEDED = ("udp", "tcp")
+_PORT_NEEDED = ("udp", "tcp", _ZENOH_SCHEME)
+_KEY_EXPRESSION = re.compile(r"(?:\*{1,2}|[^/*$?#\s]+)(?:/(?:\*{1,2}|[^/*$?#\s]+))*")
+"""Zenoh's, and so any topic of ROS 2 as zenoh-bridge-ros2dds passes it on."""
 _RATE = "?rate="
 _SCHEME = re.compile(r"([a-zA-Z][a-zA-Z0-9+.-]*)://")
 
@@ -68,6 +74,8 @@ def open_source(uri: str, clock: Clock, *, every_frame: bool = False) -> Camera:
     scheme = _SCHEME.match(uri)
     if scheme is not None and scheme[1] in _MJPEG_SCHEMES:
         return MjpegCamera(uri, clock)
+    if scheme is not None and scheme[1] == _ZENOH_SCHEME:
+        return _zenoh_camera(uri, clock)
     if scheme is not None or uri.startswith((GSTREAMER, DEVICE)):
         return VideoCamera(uri, clock)
     if uri.isdecimal():
@@ -91,7 +99,7 @@ def _check_pipeline(uri: str) -> None:
 
 def _check_address(uri: str, scheme: str) -> None:
     shown = without_password(uri)
-    if scheme not in (*_MJPEG_SCHEMES, *_STREAM_SCHEMES):
+    if scheme not in (*_MJPEG_SCHEMES, *_STREAM_SCHEMES, _ZENOH_SCHEME):
         raise UsageError(f"camera {shown!r}: unknown scheme {scheme}://; expected {KNOWN}")
     if not uri.isascii() or not uri.isprintable() or " " in uri:
         raise UsageError(
@@ -102,6 +110,25 @@ def _check_address(uri: str, scheme: str) -> None:
         raise UsageError(f"camera {shown!r}: names no host; expected {scheme}://HOST:PORT/PATH")
     if scheme in _PORT_NEEDED and url.port is None:
         raise UsageError(f"camera {shown!r}: names no port; expected {scheme}://HOST:PORT")
+    if scheme == _ZENOH_SCHEME:
+        _check_zenoh(shown, url)
+
+
+def _check_zenoh(shown: str, url: SplitResult) -> None:
+    if url.username or url.query or url.fragment or not _KEY_EXPRESSION.fullmatch(url.path[1:]):
+        raise UsageError(
+            f"camera {shown!r}: expected {ZENOH}HOST:PORT/TOPIC, a topic of sensor_msgs/CompressedImage such "
+            "as camera/image_raw/compressed"
+        )
+    if find_spec("zenoh") is None:
+        raise UsageError(f"camera {shown!r}: needs eclipse-zenoh: pip install 'adatracker-deploy[zenoh]'")
+
+
+def _zenoh_camera(uri: str, clock: Clock) -> Camera:
+    from adatracker_deploy.perception.zenoh_camera import CompressedImageCamera
+
+    url = urlsplit(uri)
+    return CompressedImageCamera(uri, clock, endpoint=f"tcp/{url.netloc}", key=url.path[1:])
 
 
 def _split(uri: str, shown: str) -> SplitResult:

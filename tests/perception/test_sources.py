@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import subprocess
+import sys
 
 import pytest
 from hypothesis import given
@@ -16,6 +18,7 @@ from adatracker_deploy.perception.folder import FolderCamera
 from adatracker_deploy.perception.mjpeg import MjpegCamera
 from adatracker_deploy.perception.sources import KNOWN, check_uri, open_source
 from adatracker_deploy.perception.video import VideoCamera
+from adatracker_deploy.perception.zenoh_camera import CompressedImageCamera
 from adatracker_deploy.runtime.clock import FakeClock
 
 
@@ -29,6 +32,8 @@ from adatracker_deploy.runtime.clock import FakeClock
         ("rtsps://10.0.0.7:322/h264", VideoCamera),
         ("udp://0.0.0.0:5600", VideoCamera),
         ("tcp://127.0.0.1:5000", VideoCamera),
+        ("zenoh://10.0.0.7:7447/camera/image_raw/compressed", CompressedImageCamera),
+        ("zenoh://[::1]:7447/0/image/sensor_msgs::msg::dds_::CompressedImage_/*", CompressedImageCamera),
         ("/dev/null", VideoCamera),
     ],
 )
@@ -70,6 +75,11 @@ def test_what_belongs_to_a_run_is_right_but_cannot_be_opened_alone(uri):
         ("rtsp://h:port/", "port"),
         ("rtsp://[::1/", "IPv6"),
         ("udp://10.0.0.7", "names no port; expected udp://HOST:PORT"),
+        ("zenoh://10.0.0.7/image", "names no port; expected zenoh://HOST:PORT"),
+        ("zenoh://10.0.0.7:7447", "expected zenoh://HOST:PORT/TOPIC"),
+        ("zenoh://10.0.0.7:7447//image", "expected zenoh://HOST:PORT/TOPIC"),
+        ("zenoh://10.0.0.7:7447/image?rate=5", "expected zenoh://HOST:PORT/TOPIC"),
+        ("zenoh://guard:zzz@10.0.0.7:7447/image", "expected zenoh://HOST:PORT/TOPIC"),
         ("http://h/a b", "no spaces or special characters"),
         ("http://h/a\r\nX-Evil: 1", "no spaces or special characters"),
         ("no-such-file.mp4", "no such file"),
@@ -82,6 +92,22 @@ def test_what_cannot_be_is_refused_in_one_sentence(uri, sentence):
         with pytest.raises(UsageError, match=f"^camera .*{sentence}") as raised:
             refuse(uri)
         assert "\n" not in str(raised.value)
+
+
+def test_without_its_library_a_zenoh_camera_is_refused_with_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "zenoh", None)
+    with pytest.raises(UsageError, match=r"pip install 'adatracker-deploy\[zenoh\]'"):
+        check_uri("zenoh://10.0.0.7:7447/image")
+
+
+def test_nothing_of_zenoh_is_imported_before_it_is_asked_for():
+    code = (
+        "import sys, adatracker_deploy.cli.view, adatracker_deploy.view_run\n"
+        "from adatracker_deploy.perception import sources\n"
+        "sources.check_uri('zenoh://10.0.0.7:7447/image')\n"
+        "assert 'zenoh' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_a_folder_means_its_pictures_at_the_rate_after_it(tmp_path):
