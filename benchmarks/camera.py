@@ -18,9 +18,9 @@ import numpy as np
 from adatracker_deploy.geometry import Pose
 from adatracker_deploy.messages import Frame, Truth
 from adatracker_deploy.perception.mjpeg import MjpegCamera
+from adatracker_deploy.perception.mjpeg_server import MjpegServer
 from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_deploy.runtime.pacer import Pacer
-from adatracker_deploy.world.mjpeg_server import MjpegServer
 
 SIZES = ((160, 160), (640, 480))
 PICTURES = 16

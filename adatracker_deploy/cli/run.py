@@ -12,6 +12,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from adatracker_deploy.cli.seeing import add_segmenter_options
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.policy.catalogue import DEFAULT
 
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from adatracker_deploy.profile import Profile
     from adatracker_deploy.trial_run import TrialPlan
 
-PROMPT = "person, obstacles"
 RESULTS = ("completed", "lost", "wrong_person", "collision")
 """Outcomes that are results of a trial, not failures of the run."""
 
@@ -51,30 +51,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--camera",
         metavar="URI",
         help="world://SCENE: a virtual world, also for a real robot; robot://TOPIC: on its own wire; "
-        "or a device's number, a file, an http, rtsp or gst address",
+        "or a device's number, a file, a folder of pictures, an http, rtsp or gst address",
     )
     view.add_argument("--scene", metavar="NAME", help="of the virtual world (default: simple_room)")
     view.add_argument(
         "--target-speed", type=_number(0, 5), default=1.0, metavar="M_S", help="of the person (default: 1.0)"
     )
-    view.add_argument(
-        "--segmenter",
-        metavar="NAME|FILE",
-        help="embedded, or a model's .onnx or .yaml; in a virtual world truth, or noisy: the truth with the "
-        "mistakes of the embedded one (default: embedded, truth)",
-    )
-    view.add_argument(
-        "--prompt",
-        metavar="WORDS",
-        default=PROMPT,
-        help="what the segmenter looks for (default: %(default)s)",
-    )
-    view.add_argument(
-        "--target",
-        metavar="RULE",
-        default="largest",
-        help="who is followed: largest, central, best, #N from the left, X,Y or LEFT,TOP,RIGHT,BOTTOM in "
-        "fractions of the picture (default: %(default)s)",
+    add_segmenter_options(
+        view,
+        default="embedded; in a virtual world truth, or noisy: the truth with the embedded one's mistakes",
     )
     out = parser.add_argument_group("what it leaves")
     out.add_argument("--log-dir", type=Path, default=Path("trials"), help="default: %(default)s")
@@ -92,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
     from adatracker_deploy.trial_run import run_trial
 
     plans = _plans(args)
-    signal.signal(signal.SIGTERM, _interrupt)
+    signal.signal(signal.SIGTERM, interrupt)
     console = Console(stderr=args.json)
     summaries: list[dict[str, Any]] = []
     started_s = STARTED_S
@@ -208,7 +193,8 @@ def _check_log_dir(log_dir: Path) -> None:
         raise UsageError(f"log folder {log_dir}: {nearest} cannot be written; choose another with --log-dir")
 
 
-def _interrupt(*_: object) -> NoReturn:
+def interrupt(*_: object) -> NoReturn:
+    """Take a signal for Ctrl-C."""
     raise KeyboardInterrupt
 
 

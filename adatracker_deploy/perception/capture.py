@@ -24,6 +24,12 @@ def has_gstreamer() -> bool:
     return bool(cv2.videoio_registry.hasBackend(cv2.CAP_GSTREAMER))
 
 
+def keep_quiet() -> None:
+    """Keep OpenCV and FFmpeg from writing to stderr what is raised as an error anyway."""
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", _FFMPEG_QUIET)
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+
+
 class Capture:
     """An open video, read frame by frame.
 
@@ -37,8 +43,7 @@ class Capture:
     """
 
     def __init__(self, target: str, backend: int = cv2.CAP_FFMPEG, settings: Sequence[int] = ()) -> None:
-        os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", _FFMPEG_QUIET)
-        cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+        keep_quiet()
         self._capture = cv2.VideoCapture(target, backend, list(settings))
         if not self._capture.isOpened():
             raise ValueError("cannot be opened as a video")

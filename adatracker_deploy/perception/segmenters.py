@@ -40,7 +40,7 @@ def open_segmenter(
     prompt: str,
     choice: Choice,
     *,
-    rate_hz: float,
+    rate_hz: float = 30.0,
     providers: tuple[str, ...] | None = None,
 ) -> tuple[Segmenter, str]:
     """Open a segmenter; return it with one line that says what runs where.
@@ -49,7 +49,7 @@ def open_segmenter(
         name: `TRUTH`, `NOISY`, `EMBEDDED`, or a path to a model.
         prompt: words with commas between them.
         choice: who becomes the target.
-        rate_hz: of the camera.
+        rate_hz: of the camera; only rehearsals ask.
         providers: where models run, by preference; None: the processor, or what a model's sidecar says.
 
     Raises:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import SplitResult, urlsplit
@@ -11,6 +12,8 @@ from adatracker_deploy.errors import UsageError
 from adatracker_deploy.perception.camera import ROBOT, WORLD, without_password
 from adatracker_deploy.perception.capture import has_gstreamer
 from adatracker_deploy.perception.file import FileCamera
+from adatracker_deploy.perception.film import FASTEST_HZ, SLOWEST_HZ
+from adatracker_deploy.perception.folder import USUAL_HZ, FolderCamera, pictures_in
 from adatracker_deploy.perception.mjpeg import MjpegCamera
 from adatracker_deploy.perception.video import DEVICE, GSTREAMER, VideoCamera
 
@@ -18,15 +21,22 @@ if TYPE_CHECKING:
     from adatracker_deploy.perception.camera import Camera
     from adatracker_deploy.runtime.clock import Clock
 
+ZENOH = "zenoh://"
 KNOWN = (
-    "a device (0, /dev/video0), a video file, http(s)://HOST/PATH (MJPEG), rtsp(s)://HOST/PATH, "
-    f"udp://HOST:PORT, tcp://HOST:PORT, {GSTREAMER}PIPELINE, {WORLD}SCENE or {ROBOT}TOPIC"
+    f"a device (0, /dev/video0), a video file, a folder of PNG or JPEG pictures ({USUAL_HZ:g} Hz, or "
+    "FOLDER?rate=HZ), http(s)://HOST/PATH (MJPEG), rtsp(s)://HOST/PATH, "
+    f"udp://HOST:PORT, tcp://HOST:PORT, {ZENOH}HOST:PORT/TOPIC, {GSTREAMER}PIPELINE, "
+    f"{WORLD}SCENE or {ROBOT}TOPIC"
 )
 """What a URI may be."""
 
 _MJPEG_SCHEMES = ("http", "https")
+_ZENOH_SCHEME = "zenoh"
 _STREAM_SCHEMES = ("rtsp", "rtsps", "udp", "tcp")
-_PORT_NEEDED = ("udp", "tcp")
+_PORT_NEEDED = ("udp", "tcp", _ZENOH_SCHEME)
+_KEY_EXPRESSION = re.compile(r"(?:\*{1,2}|[^/*$?#\s]+)(?:/(?:\*{1,2}|[^/*$?#\s]+))*")
+"""Zenoh's, and so any topic of ROS 2 as zenoh-bridge-ros2dds passes it on."""
+_RATE = "?rate="
 _SCHEME = re.compile(r"([a-zA-Z][a-zA-Z0-9+.-]*)://")
 
 
@@ -47,8 +57,13 @@ def check_uri(uri: str) -> None:
         _check_path(uri)
 
 
-def open_source(uri: str, clock: Clock) -> Camera:
+def open_source(uri: str, clock: Clock, *, every_frame: bool = False) -> Camera:
     """Return the camera that `uri` means, not open yet.
+
+    Args:
+        uri: see `KNOWN`.
+        clock: the run's.
+        every_frame: of a file or folder; see `FilmCamera`.
 
     Raises:
         UsageError: no camera is reached that way.
@@ -59,11 +74,16 @@ def open_source(uri: str, clock: Clock) -> Camera:
     scheme = _SCHEME.match(uri)
     if scheme is not None and scheme[1] in _MJPEG_SCHEMES:
         return MjpegCamera(uri, clock)
+    if scheme is not None and scheme[1] == _ZENOH_SCHEME:
+        return _zenoh_camera(uri, clock)
     if scheme is not None or uri.startswith((GSTREAMER, DEVICE)):
         return VideoCamera(uri, clock)
     if uri.isdecimal():
         return VideoCamera(_device(uri), clock)
-    return FileCamera(Path(uri))
+    path, rate_hz = _path_and_rate(uri)
+    if path.is_dir():
+        return FolderCamera(path, rate_hz=rate_hz or USUAL_HZ, every_frame=every_frame)
+    return FileCamera(path, every_frame=every_frame)
 
 
 def _check_pipeline(uri: str) -> None:
@@ -79,7 +99,7 @@ def _check_pipeline(uri: str) -> None:
 
 def _check_address(uri: str, scheme: str) -> None:
     shown = without_password(uri)
-    if scheme not in (*_MJPEG_SCHEMES, *_STREAM_SCHEMES):
+    if scheme not in (*_MJPEG_SCHEMES, *_STREAM_SCHEMES, _ZENOH_SCHEME):
         raise UsageError(f"camera {shown!r}: unknown scheme {scheme}://; expected {KNOWN}")
     if not uri.isascii() or not uri.isprintable() or " " in uri:
         raise UsageError(
@@ -90,6 +110,25 @@ def _check_address(uri: str, scheme: str) -> None:
         raise UsageError(f"camera {shown!r}: names no host; expected {scheme}://HOST:PORT/PATH")
     if scheme in _PORT_NEEDED and url.port is None:
         raise UsageError(f"camera {shown!r}: names no port; expected {scheme}://HOST:PORT")
+    if scheme == _ZENOH_SCHEME:
+        _check_zenoh(shown, url)
+
+
+def _check_zenoh(shown: str, url: SplitResult) -> None:
+    if url.username or url.query or url.fragment or not _KEY_EXPRESSION.fullmatch(url.path[1:]):
+        raise UsageError(
+            f"camera {shown!r}: expected {ZENOH}HOST:PORT/TOPIC, a topic of sensor_msgs/CompressedImage such "
+            "as camera/image_raw/compressed"
+        )
+    if find_spec("zenoh") is None:
+        raise UsageError(f"camera {shown!r}: needs eclipse-zenoh: pip install 'adatracker-deploy[zenoh]'")
+
+
+def _zenoh_camera(uri: str, clock: Clock) -> Camera:
+    from adatracker_deploy.perception.zenoh_camera import CompressedImageCamera
+
+    url = urlsplit(uri)
+    return CompressedImageCamera(uri, clock, endpoint=f"tcp/{url.netloc}", key=url.path[1:])
 
 
 def _split(uri: str, shown: str) -> SplitResult:
@@ -107,14 +146,35 @@ def _device(number: str) -> str:
 
 
 def _check_path(uri: str) -> None:
-    path = Path(_device(uri)) if uri.isdecimal() else Path(uri)
     if not uri:
         raise UsageError(f"camera '': expected {KNOWN}")
+    path, rate_hz = (Path(_device(uri)), None) if uri.isdecimal() else _path_and_rate(uri)
     if path.is_relative_to(DEVICE):
         if not path.is_char_device():
             found = ", ".join(sorted(map(str, Path(DEVICE).glob("video*")))) or "none"
             raise UsageError(f"camera {uri!r}: there is no device {path}; cameras here: {found}")
     elif not path.exists():
         raise UsageError(f"camera {uri!r}: no such file; expected {KNOWN}")
+    elif path.is_dir():
+        try:
+            pictures_in(path)
+        except ValueError as error:
+            raise UsageError(f"camera {uri!r}: {error}") from error
     elif not path.is_file():
         raise UsageError(f"camera {uri!r}: is not a video file")
+    elif rate_hz is not None:
+        raise UsageError(f"camera {uri!r}: a video file has a rate of its own; {_RATE}HZ is for folders")
+
+
+def _path_and_rate(uri: str) -> tuple[Path, float | None]:
+    """Return the path and, where the URI names one, the rate, Hz."""
+    text, named, rate = uri.rpartition(_RATE)
+    if not named or Path(uri).exists():  # any name may be a file's
+        return Path(uri), None
+    try:
+        rate_hz = float(rate)
+    except ValueError:
+        rate_hz = 0.0
+    if not SLOWEST_HZ <= rate_hz <= FASTEST_HZ:
+        raise UsageError(f"camera {uri!r}: expected {_RATE}HZ of {SLOWEST_HZ:g} to {FASTEST_HZ:g}")
+    return Path(text), rate_hz

@@ -38,14 +38,17 @@ class MaskPainter:
         Args:
             mask: classes, uint8 of shape (H, W) of any size; its picture is stretched to a square.
         """
+        np.multiply(self.picture(mask).transpose(2, 0, 1), np.float32(self._spec.scale), out=self._input)
+        return self._input
+
+    def picture(self, mask: ClassMask) -> NDArray[np.uint8]:
+        """Return the same as a picture of shape (S, S, C), before it is scaled."""
         spec = self._spec
         if mask.shape != self._drawn.shape[:2]:
             mask = cv2.resize(mask, (spec.draw_size, spec.draw_size), interpolation=cv2.INTER_NEAREST)
         np.take(self._table, mask, axis=0, out=self._drawn, mode="clip")
         reduced = cv2.resize(self._drawn, (spec.size, spec.size), interpolation=cv2.INTER_LINEAR)
-        planes = reduced.reshape(spec.size, spec.size, spec.channels).transpose(2, 0, 1)
-        np.multiply(planes, np.float32(spec.scale), out=self._input)
-        return self._input
+        return np.asarray(reduced.reshape(spec.size, spec.size, spec.channels), np.uint8)
 
 
 def colour_table(palette: Palette, seed: int) -> NDArray[np.uint8]:

@@ -70,6 +70,10 @@ class OnnxPolicy:
         values, context = self.step(self._painter.paint(observation.mask))
         return Action(values, context)
 
+    def picture(self, observation: Observation) -> NDArray[np.uint8]:
+        """Return what its network is given for an observation, as a picture of shape (S, S, C)."""
+        return self._painter.picture(observation.mask)
+
     def step(self, mask_input: Array) -> tuple[Array, Array | None]:
         """Answer one network input.
 

@@ -12,6 +12,7 @@ import cv2
 import zenoh
 
 from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.perception.compressed_image import CompressedImage
 from adatracker_deploy.platform import ZERO
 from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_deploy.runtime.pacer import Pacer
@@ -21,7 +22,7 @@ from adatracker_quadruped.body import QuadrupedBody
 from adatracker_quadruped.connection import Connection
 from adatracker_quadruped.intake import STALE_S, Intake
 from adatracker_quadruped.keys import Keys
-from adatracker_quadruped.messages import CompressedImage, encode_compressed_image
+from adatracker_quadruped.messages import encode_compressed_image
 from adatracker_quadruped.outlet import Outlet
 from adatracker_quadruped.senses import Senses
 from adatracker_quadruped.session import zenoh_config

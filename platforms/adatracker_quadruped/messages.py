@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from adatracker_deploy.geometry import Pose
+from adatracker_deploy.perception.compressed_image import CompressedImage, read_compressed_image
 from adatracker_deploy.platform import Twist
 from adatracker_quadruped import protocol
 from adatracker_quadruped.parts import (
@@ -73,19 +74,6 @@ class Imu:
     stamp_ns: int
     """Since 1970, by the robot's clock."""
     frame_id: str = "imu_link"
-
-
-@dataclass(frozen=True, slots=True)
-class CompressedImage:
-    """sensor_msgs/CompressedImage: an encoded image, not yet looked into."""
-
-    stamp_ns: int
-    """Since 1970, by the robot's clock."""
-    format: str
-    """``jpeg``, ``png`` or, by image_transport, such as ``rgb8; jpeg compressed bgr8``."""
-    data: bytes | memoryview
-    """The encoded image; decoded from a payload it is a view of it, and never empty."""
-    frame_id: str = "camera"
 
 
 def encode_twist(twist: Twist) -> bytes:
@@ -221,13 +209,8 @@ def encode_compressed_image(image: CompressedImage) -> bytes:
 
 
 def decode_compressed_image(payload: bytes) -> CompressedImage:
-    """Return the image in a sensor_msgs/CompressedImage of at most `protocol.IMAGE_CAP_BYTES`."""
-    message = protocol.decode(payload, protocol.COMPRESSED_IMAGE, protocol.IMAGE_CAP_BYTES)
-    if not message.data.size:
-        raise Malformed("an image without data")
-    return CompressedImage(
-        stamp_ns=read_stamp_ns(message.header),
-        format=message.format,
-        data=memoryview(message.data),
-        frame_id=message.header.frame_id,
-    )
+    """Return the image in a sensor_msgs/CompressedImage of at most `IMAGE_CAP_BYTES`."""
+    try:
+        return read_compressed_image(payload)
+    except ValueError as error:
+        raise Malformed(f"{protocol.COMPRESSED_IMAGE}: {error}") from error

@@ -18,9 +18,6 @@ COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
 
 SMALL_CAP_BYTES = 4096
 """No longer payload is decoded; a full Odometry with long frame names has under 1 KiB."""
-IMAGE_CAP_BYTES = 8 << 20
-"""No longer CompressedImage is decoded; a 1080p JPEG has about 0.5 MiB, its raw pixels 6 MiB."""
-
 STORE = get_typestore(Stores.ROS2_JAZZY)
 """Message types as of Jazzy, the first long-term release with rmw_zenoh.
 

@@ -1,31 +1,17 @@
-"""The Zenoh session: one endpoint, nothing found by itself, a short lease, quick reconnects.
-
-Zenoh's own defaults listen on every interface and look for others by multicast, so that robots on one network
-hear each other's commands. Here the host dials one named endpoint and the robot's side listens on it.
-
-A session whose subscribers call back hangs the interpreter at exit unless it was closed: take samples from
-channels (``zenoh.handlers.RingChannel``) and use the session as a context manager.
-"""
+"""The session of a connection: `perception.zenoh_session` with its time-outs and certificates."""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import zenoh
 
 from adatracker_deploy.errors import PlatformError, UsageError
-from adatracker_quadruped.protocol import IMAGE_CAP_BYTES
+from adatracker_deploy.perception.zenoh_session import session_config
 
 if TYPE_CHECKING:
     from adatracker_quadruped.connection import Connection, Tls
-
-_RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5}
-"""A router that comes back is found again in 0.3 s, measured; by Zenoh's own 1 s to 4 s periods in 4.0 s."""
-
-_LARGEST_BYTES = IMAGE_CAP_BYTES + (64 << 10)
-"""No peer can make this one hold more for a message; Zenoh's own cap is 1 GiB."""
 
 
 def zenoh_config(
@@ -36,25 +22,13 @@ def zenoh_config(
     Raises:
         UsageError: a file named in ``connection.tls`` is not there.
     """
-    dials = mode == "client"
-    settings: dict[str, Any] = {
-        "mode": mode,
-        "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": False,
-        "connect/endpoints": [connection.endpoint] if dials else [],
-        "listen/endpoints": [] if dials else [connection.endpoint],
-        "connect/timeout_ms": _ms(connection.connect_timeout_s),
-        "connect/exit_on_failure": True,
-        "connect/retry": _RETRY,
-        "transport/link/tx/lease": _ms(connection.lease_s),
-        "transport/link/rx/max_message_size": _LARGEST_BYTES,
-    }
-    if connection.tls is not None:
-        settings |= _tls(connection.tls, "connect" if dials else "listen")
-    config = zenoh.Config()
-    for key, value in settings.items():
-        config.insert_json5(key, json.dumps(value))
-    return config
+    return session_config(
+        connection.endpoint,
+        mode=mode,
+        connect_timeout_s=connection.connect_timeout_s,
+        lease_s=connection.lease_s,
+        more=_tls(connection.tls, "connect" if mode == "client" else "listen") if connection.tls else None,
+    )
 
 
 def open_session(connection: Connection) -> zenoh.Session:
@@ -90,7 +64,3 @@ def _tls(tls: Tls, side: Literal["connect", "listen"]) -> dict[str, Any]:
         "transport/link/tls/enable_mtls": mutual,
         "transport/link/tls/verify_name_on_connect": tls.verify_name,
     }
-
-
-def _ms(seconds: float) -> int:
-    return round(seconds * 1000)

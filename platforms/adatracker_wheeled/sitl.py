@@ -100,7 +100,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _run(args: argparse.Namespace) -> int:
-    from adatracker_deploy.world.mjpeg_server import MjpegServer
+    from adatracker_deploy.perception.mjpeg_server import MjpegServer
     from adatracker_deploy.world.rehearsal import film
     from adatracker_wheeled.far_end import FarEnd
 

@@ -17,10 +17,10 @@ from adatracker_deploy.geometry import Pose
 from adatracker_deploy.messages import Frame, Truth
 from adatracker_deploy.perception import live, mjpeg
 from adatracker_deploy.perception.mjpeg import MjpegCamera, decode_part
+from adatracker_deploy.perception.mjpeg_server import MjpegServer
 from adatracker_deploy.perception.multipart import LARGEST_BODY_BYTES, MultipartParser
 from adatracker_deploy.perception.truth_wire import encode_truth
 from adatracker_deploy.runtime.clock import MonotonicClock
-from adatracker_deploy.world.mjpeg_server import MjpegServer
 
 CLOCK = MonotonicClock()
 TRUTH = Truth(np.ones((48, 64), np.uint8), Pose(1.0), Pose(2.0), (3.0, 4.0), 5.0, 0.5, collided=False)

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import contextlib
+import subprocess
+import sys
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from streams import film, picture
+from streams import film, jpeg, picture
 
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.perception.camera import without_password
 from adatracker_deploy.perception.file import FileCamera
+from adatracker_deploy.perception.folder import FolderCamera
 from adatracker_deploy.perception.mjpeg import MjpegCamera
 from adatracker_deploy.perception.sources import KNOWN, check_uri, open_source
 from adatracker_deploy.perception.video import VideoCamera
+from adatracker_deploy.perception.zenoh_camera import CompressedImageCamera
 from adatracker_deploy.runtime.clock import FakeClock
 
 
@@ -28,6 +32,8 @@ from adatracker_deploy.runtime.clock import FakeClock
         ("rtsps://10.0.0.7:322/h264", VideoCamera),
         ("udp://0.0.0.0:5600", VideoCamera),
         ("tcp://127.0.0.1:5000", VideoCamera),
+        ("zenoh://10.0.0.7:7447/camera/image_raw/compressed", CompressedImageCamera),
+        ("zenoh://[::1]:7447/0/image/sensor_msgs::msg::dds_::CompressedImage_/*", CompressedImageCamera),
         ("/dev/null", VideoCamera),
     ],
 )
@@ -69,6 +75,11 @@ def test_what_belongs_to_a_run_is_right_but_cannot_be_opened_alone(uri):
         ("rtsp://h:port/", "port"),
         ("rtsp://[::1/", "IPv6"),
         ("udp://10.0.0.7", "names no port; expected udp://HOST:PORT"),
+        ("zenoh://10.0.0.7/image", "names no port; expected zenoh://HOST:PORT"),
+        ("zenoh://10.0.0.7:7447", "expected zenoh://HOST:PORT/TOPIC"),
+        ("zenoh://10.0.0.7:7447//image", "expected zenoh://HOST:PORT/TOPIC"),
+        ("zenoh://10.0.0.7:7447/image?rate=5", "expected zenoh://HOST:PORT/TOPIC"),
+        ("zenoh://guard:zzz@10.0.0.7:7447/image", "expected zenoh://HOST:PORT/TOPIC"),
         ("http://h/a b", "no spaces or special characters"),
         ("http://h/a\r\nX-Evil: 1", "no spaces or special characters"),
         ("no-such-file.mp4", "no such file"),
@@ -83,8 +94,59 @@ def test_what_cannot_be_is_refused_in_one_sentence(uri, sentence):
         assert "\n" not in str(raised.value)
 
 
-def test_a_folder_is_no_video_file(tmp_path):
-    with pytest.raises(UsageError, match="is not a video file"):
+def test_without_its_library_a_zenoh_camera_is_refused_with_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "zenoh", None)
+    with pytest.raises(UsageError, match=r"pip install 'adatracker-deploy\[zenoh\]'"):
+        check_uri("zenoh://10.0.0.7:7447/image")
+
+
+def test_nothing_of_zenoh_is_imported_before_it_is_asked_for():
+    code = (
+        "import sys, adatracker_deploy.cli.view, adatracker_deploy.view_run\n"
+        "from adatracker_deploy.perception import sources\n"
+        "sources.check_uri('zenoh://10.0.0.7:7447/image')\n"
+        "assert 'zenoh' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_a_folder_means_its_pictures_at_the_rate_after_it(tmp_path):
+    (tmp_path / "1.jpg").write_bytes(jpeg(picture()))
+    for query, rate_hz in (("", 10.0), ("?rate=4", 4.0), ("?rate=29.97", 29.97)):
+        camera = open_source(f"{tmp_path}{query}", FakeClock())
+        assert type(camera) is FolderCamera
+        camera.open()
+        assert camera.rate_hz == rate_hz
+
+
+def test_a_folder_may_be_called_what_looks_like_a_rate(tmp_path):
+    folder = tmp_path / "walk?rate=5"
+    folder.mkdir()
+    (folder / "1.jpg").write_bytes(jpeg(picture()))
+    camera = open_source(str(folder), FakeClock())
+    camera.open()
+    assert camera.rate_hz == 10.0
+
+
+@pytest.mark.parametrize("rate", ["0", "-3", "nan", "inf", "241", "ten", ""])
+def test_a_rate_that_cannot_be_is_refused(tmp_path, rate):
+    (tmp_path / "1.jpg").write_bytes(jpeg(picture()))
+    with pytest.raises(UsageError, match=r"expected \?rate=HZ of 1 to 240"):
+        check_uri(f"{tmp_path}?rate={rate}")
+
+
+def test_a_rate_is_not_for_files(tmp_path):
+    path = film(tmp_path / "clip.avi", [picture()] * 3)
+    with pytest.raises(UsageError, match="a video file has a rate of its own"):
+        check_uri(f"{path}?rate=5")
+
+
+@pytest.mark.parametrize("names", [[], ["notes.txt", ".hidden.png"]])
+def test_a_folder_without_pictures_is_refused(tmp_path, names):
+    for name in names:
+        (tmp_path / name).write_bytes(jpeg(picture()))
+    (tmp_path / "folder.png").mkdir()
+    with pytest.raises(UsageError, match="a folder without PNG or JPEG pictures"):
         check_uri(str(tmp_path))
 
 

@@ -17,11 +17,12 @@ from adatracker_deploy.errors import PlatformError, UsageError
 from adatracker_deploy.geometry import Pose
 from adatracker_deploy.messages import MaskClass, Truth
 from adatracker_deploy.perception.camera import OPEN_TIMEOUT_S
+from adatracker_deploy.perception.compressed_image import CompressedImage
 from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_quadruped.camera import ZenohCamera
 from adatracker_quadruped.camera_topic import with_camera
 from adatracker_quadruped.keys import Keys
-from adatracker_quadruped.messages import CompressedImage, encode_compressed_image
+from adatracker_quadruped.messages import encode_compressed_image
 from adatracker_quadruped.outlet import Outlet
 from adatracker_quadruped.platform import QuadrupedPlatform
 from adatracker_quadruped.sitl_keys import Fault, SitlKeys, encode_stamped_truth

@@ -7,13 +7,13 @@ import pytest
 import zenoh
 
 from adatracker_deploy.geometry import Pose
+from adatracker_deploy.perception.compressed_image import CompressedImage
 from adatracker_deploy.platform import ZERO
 from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_quadruped.camera import ZenohCamera
 from adatracker_quadruped.camera_topic import with_camera
 from adatracker_quadruped.keys import Keys
 from adatracker_quadruped.messages import (
-    CompressedImage,
     Imu,
     Odometry,
     encode_battery,

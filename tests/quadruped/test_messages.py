@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 
 from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.geometry import Pose
+from adatracker_deploy.perception.compressed_image import CompressedImage
 from adatracker_deploy.platform import Twist
 from adatracker_quadruped import messages, parts
-from adatracker_quadruped.messages import CompressedImage, Imu, Malformed, Odometry
+from adatracker_quadruped.messages import Imu, Malformed, Odometry
 from tests.quadruped import cdr
 
 speeds = st.floats(-parts.FASTEST, parts.FASTEST)

@@ -12,10 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from adatracker_deploy.geometry import Pose
+from adatracker_deploy.perception.compressed_image import IMAGE_CAP_BYTES, CompressedImage
 from adatracker_deploy.platform import Twist
 from adatracker_quadruped import messages, protocol, sport
 from adatracker_quadruped.keys import attachment, parse_attachment
-from adatracker_quadruped.messages import CompressedImage, Imu, Malformed, Odometry
+from adatracker_quadruped.messages import Imu, Malformed, Odometry
 from tests.quadruped import cdr
 
 WALK = Twist(vx=0.5, vy=-0.1, yaw_rate=0.3)
@@ -32,9 +33,7 @@ VALID = {
     parse_attachment: attachment(1, 10**18, bytes(16)),
 }
 CAPS = {
-    decode: protocol.IMAGE_CAP_BYTES
-    if decode is messages.decode_compressed_image
-    else protocol.SMALL_CAP_BYTES
+    decode: IMAGE_CAP_BYTES if decode is messages.decode_compressed_image else protocol.SMALL_CAP_BYTES
     for decode in VALID
 }
 DECODERS = pytest.mark.parametrize("decode", VALID, ids=lambda decode: decode.__name__)
@@ -164,9 +163,9 @@ def test_a_sequence_that_claims_more_than_there_is_allocates_nothing(count):
 
 def test_an_image_of_the_largest_size_is_not_copied():
     head = cdr.encode(cdr.LAYOUTS["CompressedImage"], [0, 0, "camera", "jpeg", b""])
-    room = protocol.IMAGE_CAP_BYTES - len(head)
+    room = IMAGE_CAP_BYTES - len(head)
     payload = cdr.encode(cdr.LAYOUTS["CompressedImage"], [0, 0, "camera", "jpeg", bytes(room)])
-    assert len(payload) == protocol.IMAGE_CAP_BYTES
+    assert len(payload) == IMAGE_CAP_BYTES
     tracemalloc.start()
     try:
         image = messages.decode_compressed_image(payload)

@@ -10,11 +10,12 @@ import pytest
 import zenoh
 
 from adatracker_deploy.geometry import Pose
+from adatracker_deploy.perception.compressed_image import CompressedImage
 from adatracker_deploy.platform import Twist
 from adatracker_quadruped import messages, protocol
 from adatracker_quadruped.connection import Connection
 from adatracker_quadruped.keys import Keys
-from adatracker_quadruped.messages import CompressedImage, Imu, Odometry
+from adatracker_quadruped.messages import Imu, Odometry
 from adatracker_quadruped.session import open_session, zenoh_config
 from tests.quadruped import cdr
 

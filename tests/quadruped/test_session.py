@@ -13,7 +13,7 @@ import pytest
 import zenoh
 
 from adatracker_deploy.errors import PlatformError
-from adatracker_quadruped import protocol
+from adatracker_deploy.perception.compressed_image import IMAGE_CAP_BYTES
 from adatracker_quadruped.connection import Connection
 from adatracker_quadruped.session import open_session, zenoh_config
 from tests.quadruped.routers import arrives, free_port, latest, publisher_of, robot, until
@@ -123,7 +123,7 @@ def time_of_dials(connection, count):
 
 
 def test_nobody_can_make_a_session_hold_more_than_the_largest_image(connection):
-    largest, hostile = bytes(protocol.IMAGE_CAP_BYTES), bytes(2 * protocol.IMAGE_CAP_BYTES)
+    largest, hostile = bytes(IMAGE_CAP_BYTES), bytes(2 * IMAGE_CAP_BYTES)
     with robot(connection) as far, open_session(connection) as host:
         images = host.declare_subscriber("camera", zenoh.handlers.FifoChannel(8))
         publisher = publisher_of(far, "camera")

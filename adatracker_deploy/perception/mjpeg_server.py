@@ -1,8 +1,8 @@
-"""The far end's camera as an MJPEG stream over HTTP, as IP cameras and ROS web_video_server send it.
+"""Frames as an MJPEG stream over HTTP, as IP cameras and ROS web_video_server send it: what `mjpeg` reads.
 
-``GET /stream.mjpg`` is ``multipart/x-mixed-replace``: one JPEG a part, with its time and number, and in a
-rehearsal with its truth. Any browser can watch. ``POST /go`` lets the people walk. It listens on this machine
-alone.
+``GET /stream.mjpg``, or ``/``, is ``multipart/x-mixed-replace``: one JPEG a part with its time and number, in
+a rehearsal also with its truth. Any browser can watch. ``POST /go`` lets the people walk. It listens on this
+machine alone.
 """
 
 from __future__ import annotations
@@ -188,7 +188,7 @@ class _Handler(BaseHTTPRequestHandler):
         super().setup()
 
     def do_GET(self) -> None:
-        if self.path != STREAM_PATH:
+        if self.path not in ("/", STREAM_PATH):  # people type no path
             self.send_error(HTTPStatus.NOT_FOUND, explain=f"the stream is at {STREAM_PATH}")
             return
         self.send_response(HTTPStatus.OK)

@@ -19,12 +19,12 @@ import pytest
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.geometry import Pose
 from adatracker_deploy.messages import Frame, Truth
+from adatracker_deploy.perception import mjpeg_server
 from adatracker_deploy.perception.capture import Capture
 from adatracker_deploy.perception.jpeg import decode_jpeg
+from adatracker_deploy.perception.mjpeg_server import MjpegServer
 from adatracker_deploy.perception.multipart import MultipartParser
 from adatracker_deploy.perception.truth_wire import decode_truth
-from adatracker_deploy.world import mjpeg_server
-from adatracker_deploy.world.mjpeg_server import MjpegServer
 
 TRUTH = Truth(np.ones((8, 8), np.uint8), Pose(1.0), Pose(2.0), (3.0, 4.0), 5.0, 0.5, collided=True)
 
@@ -46,10 +46,10 @@ def noise(seq, size):
 
 
 @contextlib.contextmanager
-def watching(server):
+def watching(server, path="/stream.mjpg"):
     """Give a function that returns the stream's next part."""
     connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=10)
-    connection.request("GET", "/stream.mjpg")
+    connection.request("GET", path)
     response = connection.getresponse()
     parser, waiting = MultipartParser(response.headers.get_boundary()), []
 
@@ -81,6 +81,12 @@ def test_outside_a_rehearsal_there_is_no_truth(server):
     server.publish(frame(1))
     with watching(server) as next_part:
         assert "x-truth" not in next_part().headers
+
+
+def test_whoever_types_no_path_sees_the_same(server):
+    server.publish(frame(1))
+    with watching(server) as named, watching(server, "/") as unnamed:
+        assert named() == unnamed()
 
 
 def test_every_watcher_sees_what_is_published_and_it_is_encoded_once(server, monkeypatch):
@@ -151,7 +157,7 @@ def test_whoever_posts_go_lets_the_people_walk(server):
     assert went == ["people", "clock"]
 
 
-@pytest.mark.parametrize(("path", "method"), [("/", "GET"), ("/go", "GET"), ("/stop", "POST")])
+@pytest.mark.parametrize(("path", "method"), [("/index.html", "GET"), ("/go", "GET"), ("/stop", "POST")])
 def test_anything_else_is_not_found(server, path, method):
     request = urllib.request.Request(f"http://127.0.0.1:{server.port}{path}", method=method)
     with pytest.raises(urllib.error.HTTPError, match="404"):

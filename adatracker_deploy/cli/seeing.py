@@ -1,0 +1,29 @@
+"""The options that say what perception looks for: the same wherever somebody looks."""
+
+from __future__ import annotations
+
+import argparse
+
+PROMPT = "person, obstacles"
+
+
+def add_segmenter_options(group: argparse._ActionsContainer, default: str) -> None:
+    """Add ``--segmenter``, ``--prompt`` and ``--target``; `default` says which segmenter is the default."""
+    group.add_argument(
+        "--segmenter",
+        metavar="NAME|FILE",
+        help=f"embedded, or a model's .onnx or .yaml (default: {default})",
+    )
+    group.add_argument(
+        "--prompt",
+        metavar="WORDS",
+        default=PROMPT,
+        help="what the segmenter looks for (default: %(default)s)",
+    )
+    group.add_argument(
+        "--target",
+        metavar="RULE",
+        default="largest",
+        help="who is followed: largest, central, best, #N from the left, X,Y or LEFT,TOP,RIGHT,BOTTOM in "
+        "fractions of the picture (default: %(default)s)",
+    )

@@ -1,0 +1,128 @@
+"""What is recorded, as a camera: at its own rate in the run's time or frame by frame, the same every time."""
+
+from __future__ import annotations
+
+import abc
+from typing import TYPE_CHECKING, Protocol
+
+from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.messages import Frame
+from adatracker_deploy.perception.camera import FilmOverError
+from adatracker_deploy.perception.watch import FrameWatch
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+SLOWEST_HZ, FASTEST_HZ = 1.0, 240.0
+_USUAL_HZ = 25.0
+"""For a film that states no rate, or none in between."""
+
+
+class Film(Protocol):
+    """Recorded pictures, gone through once."""
+
+    @property
+    def rate_hz(self) -> float:
+        """Frames per second as it states them: 0 or anything else where it does not know."""
+
+    def grab(self) -> bool:
+        """Go on to the next frame; False when there is none."""
+
+    def rgb(self) -> NDArray[np.uint8]:
+        """Return the frame gone on to, shape (H, W, 3).
+
+        Raises:
+            ValueError: it is damaged, or too large.
+        """
+
+    def close(self) -> None:
+        """Let go of it."""
+
+
+class FilmCamera(abc.ABC):
+    """Plays a film once, beginning with the first `read`; it is decoded in the thread that reads.
+
+    Args:
+        name: how errors name the camera.
+        every_frame: each `read` gives the next frame, taken at that moment; by default the film plays at its
+            own rate, and frames that nobody was in time for are skipped.
+    """
+
+    def __init__(self, name: str, *, every_frame: bool = False) -> None:
+        self.name = name
+        self.rate_hz = _USUAL_HZ
+        """The film's own, as it states it; known once it is open."""
+        self._every_frame = every_frame
+        self._watch = FrameWatch(name)
+        self._film: Film | None = None
+        self._began_ns: int | None = None
+        self._at = 0
+        """How many frames have been gone on to; the newest frame's number."""
+        self._newest: Frame | None = None
+
+    @abc.abstractmethod
+    def _open_film(self) -> Film:
+        """Find the film.
+
+        Raises:
+            ValueError: it is none that can be played.
+        """
+
+    def open(self) -> None:
+        """Open the film and see that it has a first frame.
+
+        Raises:
+            UsageError: it is none that can be played.
+        """
+        try:
+            self._film = self._open_film()
+            if not self._film.grab():
+                raise ValueError("has no frames")
+            self._at = 1
+            self._film.rgb()
+        except ValueError as error:
+            raise UsageError(f"camera {self.name}: {error}") from error
+        stated_hz = self._film.rate_hz
+        self.rate_hz = stated_hz if SLOWEST_HZ <= stated_hz <= FASTEST_HZ else _USUAL_HZ
+
+    def read(self, now_ns: int) -> Frame | None:
+        """Return the frame that is due at `now_ns`; None before `open`.
+
+        Raises:
+            FilmOverError: the film has ended.
+            PlatformError: it is damaged or changes its size.
+        """
+        if self._film is None:
+            return None
+        if self._began_ns is None:
+            self._began_ns = now_ns
+        if self._every_frame:
+            due, t_ns = (self._newest.seq + 1 if self._newest else 1), now_ns
+        else:
+            period_ns = round(1e9 / self.rate_hz)
+            index = (now_ns - self._began_ns) // period_ns
+            due, t_ns = index + 1, self._began_ns + index * period_ns
+        if self._newest is None or due > self._newest.seq:
+            self._newest = self._frame(self._film, due, t_ns)
+            self._watch.accept(self._newest)
+        return self._newest
+
+    def go(self) -> None:  # noqa: B027 -- all that a film can do
+        """Do nothing: what is filmed has happened."""
+
+    def close(self) -> None:
+        """Let go of the film."""
+        film, self._film = self._film, None
+        if film is not None:
+            film.close()
+
+    def _frame(self, film: Film, number: int, t_ns: int) -> Frame:
+        while self._at < number:
+            if not film.grab():
+                raise FilmOverError(f"camera {self.name}: the video has ended after {self._at} frames")
+            self._at += 1
+        try:
+            return Frame(film.rgb(), t_ns, number)
+        except ValueError as error:
+            raise PlatformError(f"camera {self.name}: frame {number}: {error}") from error

@@ -1,0 +1,164 @@
+"""One viewing: what perception and policy make of a camera, drawn and counted, without any robot."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections import Counter
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from adatracker_deploy.messages import TargetState
+from adatracker_deploy.perception.camera import FilmOverError
+from adatracker_deploy.perception.overlay import Drive, overlay
+from adatracker_deploy.perception.pipeline import perceive
+from adatracker_deploy.policy.onnx_policy import OnnxPolicy
+from adatracker_deploy.runtime.cadence import Cadence
+from adatracker_deploy.runtime.pacer import Pacer
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from adatracker_deploy.messages import Action, Frame, Observation
+    from adatracker_deploy.perception.camera import Camera
+    from adatracker_deploy.perception.film import FilmCamera
+    from adatracker_deploy.perception.overlay import Image
+    from adatracker_deploy.perception.segmenter import Segmenter
+    from adatracker_deploy.policy.base import Policy
+    from adatracker_deploy.runtime.clock import Clock
+
+_LOOK_HZ = 120.0
+"""How often a live camera is asked for its newest frame: more often than any camera has one."""
+UNCHOSEN = "unchosen"
+"""Among the states: nobody has been chosen yet."""
+
+
+class Viewed(NamedTuple):
+    """One frame that was looked at."""
+
+    picture: Image
+    """With everything drawn over it."""
+    observation: Observation
+    action: Action | None
+
+
+class _Counted(NamedTuple):
+    """What is kept of a frame."""
+
+    took_ms: float
+    state: str
+    in_sight: bool
+    done_s: float
+
+
+class Viewer:
+    """Looks at frames one after the other and keeps count; no time but the frames' own is in its pictures.
+
+    Args:
+        segmenter: finds the target.
+        policy: answers at its own rate; None leaves its answer out.
+    """
+
+    def __init__(self, segmenter: Segmenter, policy: Policy | None) -> None:
+        self._segmenter = segmenter
+        self._policy = policy
+        segmenter.reset()
+        if policy is not None:
+            policy.reset()
+        self._cadence = Cadence(policy) if policy is not None else None
+        self._began_s, self._first_ns = 0.0, 0
+        self._counted: list[_Counted] = []
+
+    def look(self, frame: Frame, clock: Clock | None = None) -> Viewed:
+        """Segment, ask the policy and draw.
+
+        Args:
+            frame: the next one.
+            clock: the run's, to show how old a live frame is; of a film its time is shown.
+
+        Raises:
+            PlatformError: the segmenter fails.
+        """
+        began_s = time.perf_counter()
+        if not self._counted:
+            self._began_s, self._first_ns = began_s, frame.t_ns
+        observation = perceive(frame, self._segmenter).observation
+        action = self._cadence.act(observation) if self._cadence is not None else None
+        took_ms = (time.perf_counter() - began_s) * 1e3
+        since_ns = frame.t_ns - self._first_ns
+        when = f"age {(clock.now_ns() - frame.t_ns) / 1e6:.0f} ms" if clock else f"{since_ns / 1e9:.2f} s"
+        picture = overlay(frame.rgb, observation, when, self._drive(observation, action))
+        in_sight = observation.box is not None  # in one piece, whenever somebody interrupts
+        self._counted.append(_Counted(took_ms, _state_name(observation), in_sight, time.perf_counter()))
+        return Viewed(picture, observation, action)
+
+    def summary(self) -> dict[str, Any]:
+        """Return the counts: `tracked` is the share of frames in which the target was seen, `frame_ms` what
+        perception and policy take of each, without the drawing.
+        """
+        counted = self._counted
+        states = Counter(frame.state for frame in counted)
+        took_ms = [frame.took_ms for frame in counted]
+        return {
+            "frames": len(counted),
+            "rate_hz": round(len(counted) / (counted[-1].done_s - self._began_s), 2) if counted else None,
+            "tracked": round(sum(frame.in_sight for frame in counted) / len(counted), 4) if counted else None,
+            "states": {name: states[name] for name in (*(state.value for state in TargetState), UNCHOSEN)},
+            "frame_ms": {
+                f"p{share}": round(float(np.percentile(took_ms, share)), 2) if counted else None
+                for share in (50, 95)
+            },
+        }
+
+    def _drive(self, observation: Observation, action: Action | None) -> Drive | None:
+        if self._policy is None:
+            return None
+        moves: dict[str, float] | None = None
+        if action is not None:
+            signed = zip(self._policy.info.action, map(float, action.values), strict=True)
+            moves = {entry.axis: value * entry.sign for entry, value in signed}
+        sees = self._policy.picture(observation) if isinstance(self._policy, OnnxPolicy) else None
+        return Drive(moves=moves, sees=sees)
+
+
+def film_frames(camera: FilmCamera, clock: Clock, *, paced: bool) -> Iterator[Frame]:
+    """Give every frame of an open film, at the film's times; `camera` gives every frame.
+
+    Args:
+        camera: made with `every_frame`.
+        clock: the run's.
+        paced: no frame is given before its time.
+    """
+    began_ns = clock.now_ns()
+    for number in itertools.count():
+        t_ns = began_ns + round(number * 1e9 / camera.rate_hz)
+        if paced:
+            clock.sleep_until(t_ns)
+        try:
+            frame = camera.read(t_ns)
+        except FilmOverError:
+            return
+        if frame is None:
+            return
+        yield frame
+
+
+def live_frames(camera: Camera, clock: Clock) -> Iterator[Frame]:
+    """Give the newest frame whenever there is a new one; those that nobody was in time for are skipped.
+
+    Raises:
+        PlatformError: the camera is gone.
+    """
+    pacer, seen = Pacer(clock, _LOOK_HZ), 0
+    while True:
+        frame = camera.read(pacer.wait().t_ns)
+        if frame is not None and frame.seq != seen:
+            seen = frame.seq
+            yield frame
+
+
+def _state_name(observation: Observation) -> str:
+    if observation.target is None:  # a rehearsal knows who it is
+        return TargetState.TRACKED.value if observation.box is not None else UNCHOSEN
+    return observation.target.value

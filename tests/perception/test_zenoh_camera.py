@@ -1,0 +1,198 @@
+"""A camera over Zenoh for any robot: a real router, and messages laid out by hand."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import struct
+import threading
+import time
+
+import cv2
+import numpy as np
+import pytest
+import zenoh
+from hypothesis import given
+from hypothesis import strategies as st
+from streams import until
+
+from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.perception.compressed_image import (
+    IMAGE_CAP_BYTES,
+    CompressedImage,
+    read_compressed_image,
+)
+from adatracker_deploy.perception.sources import open_source
+from adatracker_deploy.perception.zenoh_session import session_config
+from adatracker_deploy.runtime.clock import MonotonicClock
+
+CLOCK = MonotonicClock()
+KEY = "front/image/compressed"
+
+
+def message(data, *, stamp_ns=5_000_000_007, frame_id="lens", order="<"):
+    """Lay out a CompressedImage: header, stamp, two texts padded to four bytes, the data."""
+    encapsulation = b"\x00\x01\x00\x00" if order == "<" else bytes(4)
+    body = struct.pack(order + "iI", stamp_ns // 10**9, stamp_ns % 10**9)
+    for text in (frame_id.encode(), b"jpeg"):
+        body += bytes(-len(body) % 4) + struct.pack(order + "I", len(text) + 1) + text + b"\0"
+    return encapsulation + body + bytes(-len(body) % 4) + struct.pack(order + "I", len(data)) + data
+
+
+# The message
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("frame_id", ["", "a", "abc", "abcd", "k\N{LATIN SMALL LETTER A WITH DIAERESIS}mera"])
+def test_an_image_is_read_in_either_byte_order(order, frame_id):
+    image = read_compressed_image(message(b"pixels", frame_id=frame_id, order=order))
+    assert image == CompressedImage(5_000_000_007, "jpeg", memoryview(b"pixels"), frame_id)
+
+
+@pytest.mark.parametrize(
+    ("payload", "words"),
+    [
+        (b"", "plain CDR"),
+        (b"\x00\x03" + message(b"pixels")[2:], "plain CDR"),
+        (message(b"pixels")[:-1], "ends too soon"),
+        (message(b"pixels") + bytes(4), "4 bytes behind it"),
+        (message(b""), "without data"),
+        (message(b"pixels", stamp_ns=-1), "no time has"),
+        (message(b"x" * IMAGE_CAP_BYTES), "more than"),
+    ],
+)
+def test_what_is_no_image_is_refused(payload, words):
+    with pytest.raises(ValueError, match=words):
+        read_compressed_image(payload)
+
+
+@given(st.data())
+def test_changed_and_cut_messages_are_images_or_refused(data):
+    payload = bytearray(message(bytes(40)))
+    for at in data.draw(st.lists(st.integers(0, len(payload) - 1), max_size=6)):
+        payload[at] = data.draw(st.integers(0, 255))
+    with contextlib.suppress(ValueError):
+        image = read_compressed_image(bytes(payload[: data.draw(st.integers(0, len(payload)))]))
+        assert 0 < len(image.data) <= len(payload)
+
+
+# The camera
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def png(grey):
+    return cv2.imencode(".png", np.full((24, 32, 3), grey, np.uint8))[1].tobytes()
+
+
+class Robot:
+    """A router with a camera, grey by its number."""
+
+    def __init__(self, port):
+        self.session = zenoh.open(session_config(f"tcp/127.0.0.1:{port}", mode="router"))
+        self._publisher = self.session.declare_publisher(
+            KEY, congestion_control=zenoh.CongestionControl.BLOCK
+        )
+        self.shots = 0
+
+    def shoot(self, **how):
+        self.shots += 1
+        self.put(message(png(self.shots % 256), **{"stamp_ns": self.shots, **how}))
+
+    def put(self, payload):
+        self._publisher.put(payload)
+
+
+@pytest.fixture
+def port():
+    return free_port()
+
+
+@pytest.fixture
+def robot(port):
+    robot = Robot(port)
+    yield robot
+    if not robot.session.is_closed():
+        robot.session.close()
+
+
+@pytest.fixture
+def camera(robot, port):
+    camera = open_source(f"zenoh://127.0.0.1:{port}/{KEY}", CLOCK)
+    opening = threading.Thread(target=camera.open)
+    opening.start()
+    until(lambda: robot.shoot() or not opening.is_alive())
+    yield camera
+    camera.close()
+
+
+def newest(camera):
+    return camera.read(CLOCK.now_ns()) or camera.read(CLOCK.now_ns())
+
+
+def test_the_newest_image_is_seen(camera, robot):
+    for _ in range(5):
+        robot.shoot()
+    until(lambda: newest(camera).rgb[0, 0, 0] == robot.shots % 256)
+    assert newest(camera).rgb.shape == (24, 32, 3)
+    assert newest(camera).truth is None
+
+
+def test_rubbish_and_repeated_stamps_are_dropped_and_counted(camera, robot):
+    until(lambda: newest(camera).rgb[0, 0, 0] == robot.shots % 256)
+    seen = newest(camera).seq
+    for count, put in enumerate(
+        (
+            lambda: robot.put(b"rubbish"),
+            lambda: robot.put(message(b"no image", stamp_ns=10**9)),
+            lambda: robot.put(message(png(3), stamp_ns=10**9)),  # its stamp came before
+        ),
+        start=1,
+    ):
+        put()
+        until(lambda count=count: camera.dropped == count)
+    assert newest(camera).seq == seen
+    robot.shoot(stamp_ns=10**10)
+    until(lambda: newest(camera).seq == seen + 1)
+
+
+def test_images_without_a_stamp_are_all_taken(camera, robot):
+    seen = newest(camera).seq
+    robot.shoot(stamp_ns=0)
+    until(lambda: newest(camera).seq > seen)
+    seen = newest(camera).seq
+    robot.shoot(stamp_ns=0)
+    until(lambda: newest(camera).seq > seen)
+
+
+def test_a_robot_that_goes_is_gone_at_once(camera, robot):
+    robot.session.close()
+    began_s = time.monotonic()
+    until(lambda: raises(camera))
+    assert time.monotonic() - began_s < 1.5
+
+
+def raises(camera):
+    try:
+        newest(camera)
+    except PlatformError as error:
+        return "nobody answers at tcp/127" in str(error)
+    return False
+
+
+def test_a_topic_without_images_is_said_in_five_seconds(robot, port):
+    camera = open_source(f"zenoh://127.0.0.1:{port}/rear/image", CLOCK)
+    with pytest.raises(PlatformError, match="no picture came within 5 s"):
+        camera.open()
+
+
+def test_nobody_there_is_said_in_two_seconds(port):
+    camera, began_s = open_source(f"zenoh://127.0.0.1:{port}/{KEY}", CLOCK), time.monotonic()
+    with pytest.raises(PlatformError, match="no Zenoh router or bridge answers at tcp/127") as refusal:
+        camera.open()
+    assert time.monotonic() - began_s < 2.5
+    assert "\n" not in str(refusal.value)
