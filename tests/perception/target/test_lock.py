@@ -16,6 +16,7 @@ from adatracker_deploy.perception.target.motion import STILL
 from tests.perception.target.walkers import (
     CLOTHES,
     RATE_HZ,
+    SIMILAR,
     Walker,
     along,
     follow,
@@ -99,7 +100,7 @@ def test_the_target_coasts_for_a_second_and_is_lost_after():
             assert state is (TRACKED if out_s < 0.01 else COASTING if out_s < COAST_S else LOST)
 
 
-@pytest.mark.parametrize("clothes", [name for name in CLOTHES if name != "red"])
+@pytest.mark.parametrize("clothes", [name for name in (*CLOTHES, *SIMILAR) if name != "red"])
 def test_somebody_in_other_clothes_never_takes_the_place_of_who_has_left(clothes):
     walkers = [
         Walker("red", steady(200), here=lambda t_s: t_s < 2),
@@ -176,7 +177,7 @@ def test_choosing_again_forgets_who_was_the_target():
 
 @st.composite
 def crowds(draw, clothes=None):
-    """Two to four people who wander, cross, leave and come back; the last is nearest, so in sight at first."""
+    """Two to four people who wander, cross, leave and come back; the last is nearest: in sight at first."""
     names = draw(
         st.permutations(list(CLOTHES)) if clothes is None else st.lists(clothes, min_size=4, max_size=4)
     )

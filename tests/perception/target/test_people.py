@@ -15,6 +15,11 @@ from adatracker_deploy.perception.target.people import Person, assigned
 BOX = np.array([100, 50, 140, 150], np.float32)
 
 
+def aside(px, box=BOX):
+    """The box as much further to the right."""
+    return box + np.float32([px, 0, px, 0])
+
+
 def look(kind=0):
     made = np.zeros((3, 128), np.float32)
     made[:, kind] = 1
@@ -35,7 +40,7 @@ def test_who_walks_is_expected_to_walk_on():
     person = walked(80, 30)
     assert person.velocity == pytest.approx((80, 0), abs=1)
     later = person.expected(STILL, 0.5)
-    assert later.box == pytest.approx(person.box + [40, 0, 40, 0], abs=1)
+    assert later.box == pytest.approx(aside(40, person.box), abs=1)
     assert later.unseen_s == 0.5
 
 
@@ -51,7 +56,7 @@ def test_the_cameras_motion_is_not_the_persons():
     pan = np.array([[1, 0, -40], [0, 1, 0]], float)
     person = walked(0, 20, motion=pan)
     assert person.velocity == pytest.approx((0, 0), abs=1e-6)
-    assert person.expected(pan, 0.05).box == pytest.approx(person.box - [40, 0, 40, 0])
+    assert person.expected(pan, 0.05).box == pytest.approx(aside(-40, person.box))
 
 
 def test_a_camera_that_rolls_turns_the_place_and_not_the_size():
@@ -90,10 +95,10 @@ def whose(people, boxes, kinds, least=0.4):
 
 
 def test_the_best_pair_comes_first_and_the_next_gets_what_is_left():
-    a, b = Person.new(BOX, look()), Person.new(BOX + np.float32([30, 0, 30, 0]), look())
-    near_b, beyond_b = BOX + [28, 0, 28, 0], BOX + [90, 0, 90, 0]
+    a, b = Person.new(BOX, look()), Person.new(aside(30), look())
+    near_b, beyond_b = aside(28), aside(90)
     assert whose([a, b], [near_b, beyond_b], [0, 0]) == {1: 0}  # the second is too far from the first
-    assert whose([a, b], [near_b, BOX + [5, 0, 5, 0]], [0, 0]) == {0: 1, 1: 0}
+    assert whose([a, b], [near_b, aside(5)], [0, 0]) == {0: 1, 1: 0}
 
 
 def test_a_look_decides_between_two_who_stand_in_one_place():
@@ -105,7 +110,7 @@ def test_a_look_decides_between_two_who_stand_in_one_place():
     ("box", "kind"),
     [
         (BOX, 1),
-        (BOX + [300, 0, 300, 0], 0),
+        (aside(300), 0),
         ([110, 90, 130, 149], 0),
         ([60, 0, 180, 180], 0),
     ],
@@ -116,10 +121,10 @@ def test_a_box_that_cannot_be_theirs_is_nobodys(box, kind):
 
 
 def test_the_longer_somebody_was_out_of_sight_the_further_they_may_have_gone():
-    aside = BOX + [70, 0, 70, 0]
+    elsewhere = aside(70)
     person = Person.new(BOX, look())
-    assert whose([person], [aside], [0]) == {}
-    assert whose([person.expected(STILL, 1.0)], [aside], [0]) == {0: 0}
+    assert whose([person], [elsewhere], [0]) == {}
+    assert whose([person.expected(STILL, 1.0)], [elsewhere], [0]) == {0: 0}
 
 
 def test_where_nobody_or_nothing_is_there_is_no_pair():
@@ -132,8 +137,8 @@ places = st.lists(st.tuples(st.integers(0, 30), st.integers(0, 2)), min_size=1, 
 
 @given(places, places)
 def test_nobody_has_two_boxes_no_box_two_owners_and_the_order_does_not_matter(known, found):
-    people = [Person.new(BOX + np.float32([9 * x, 0, 9 * x, 0]), look(kind)) for x, kind in known]
-    boxes = [BOX + [9 * x, 0, 9 * x, 0] for x, _ in found]
+    people = [Person.new(aside(9 * x), look(kind)) for x, kind in known]
+    boxes = [aside(9 * x) for x, _ in found]
     kinds = [kind for _, kind in found]
     pairs = whose(people, boxes, kinds)
     assert len(set(pairs.values())) == len(pairs)

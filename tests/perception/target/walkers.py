@@ -30,6 +30,11 @@ CLOTHES = {
     "white": ((240, 240, 240), (200, 230, 240), (30, 120, 130)),
 }
 """Chest, waist and legs."""
+SIMILAR = {
+    "red with green trousers": (*CLOTHES["red"][:2], CLOTHES["green"][2]),
+    "red under a blue coat": (*CLOTHES["blue"][:2], CLOTHES["red"][2]),
+}
+"""What is not to be taken for red."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +101,7 @@ def _sight(walkers, t_s, pan, motion, order):
         inside = slice(max(0, left), max(0, right))
         head, waist, hips = (top + round(share * walker.tall) for share in (0.1, 0.34, 0.54))
         for begin, end, colour in zip(
-            (head, waist, hips), (waist, hips, bottom), CLOTHES[walker.clothes], strict=True
+            (head, waist, hips), (waist, hips, bottom), (CLOTHES | SIMILAR)[walker.clothes], strict=True
         ):
             picture[begin:end, inside] = colour
         owner[top:bottom, inside] = number
