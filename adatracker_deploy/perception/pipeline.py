@@ -82,6 +82,6 @@ class Perception:
                     self._newest = perceive(frame, self._segmenter)
         except PlatformError as error:  # handed to whoever asks next
             self._error = error
-        except Exception as error:  # a fault of ours or a model's: the robot stops, as for any other
+        except BaseException as error:  # a fault of ours or a model's, sys.exit too: the robot stops
             self._error = PlatformError(f"perception: {type(error).__name__}: {error}")
             self._error.__cause__ = error
