@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 
+from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.geometry import Pose
 from adatracker_deploy.messages import MaskClass
 from adatracker_deploy.perception.camera import scene_of
@@ -98,5 +99,5 @@ def test_what_ends_the_camera_reaches_whoever_asks_for_the_newest():
 
     perception = Perception(Broken(), TruthSegmenter(), FakeClock(), rate_hz=20.0)
     perception.close()
-    with pytest.raises(RuntimeError, match="lens cap"):
+    with pytest.raises(PlatformError, match="RuntimeError: lens cap"):
         perception.newest()
