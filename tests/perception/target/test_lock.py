@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import random
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from tests.perception.target.walkers import (
     CLOTHES,
     RATE_HZ,
     SIMILAR,
+    WIDE,
     Walker,
     along,
     follow,
@@ -204,6 +206,26 @@ def crowds(draw, clothes=None):
 def test_whoever_is_named_always_wears_the_targets_clothes(walkers, chance):
     said = follow(walkers, 6, target=len(walkers) - 1, order=chance.shuffle)
     assert {walkers[who].clothes for who in followed(said) if who is not None} <= {walkers[-1].clothes}
+    lawful(said)
+
+
+@settings(max_examples=25)
+@given(crowds(), st.integers(0, 999))
+def test_while_a_fifth_of_people_are_missed_the_place_is_still_the_targets(walkers, seed):
+    """Whoever is named for the target that was just missed stands right before or behind them."""
+    chance = random.Random(seed)
+    pictures = itertools.count()
+
+    def missed(who):
+        if next(pictures):
+            who[:] = [each for each in who if chance.random() > 0.2]
+
+    said = follow(walkers, 6, target=len(walkers) - 1, order=missed)
+    for (sight, answer), who in zip(said, followed(said), strict=True):
+        if who is not None:
+            left, _, right, _ = sight.boxes[answer.place]
+            true = walkers[-1].x((sight.t_ns - said[0][0].t_ns) / 1e9)
+            assert who == len(walkers) - 1 or abs((left + right) / 2 - true) <= WIDE
     lawful(said)
 
 
