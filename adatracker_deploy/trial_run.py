@@ -234,7 +234,10 @@ class _Trial:
         deadline_s = time.monotonic() + FIRST_SIGHT_TIMEOUT_S
         for _ in self._statuses(math.inf):
             self.link.send(ZERO, self.clock.now_ns())
-            seen = perception.newest()
+            try:
+                seen = perception.newest()
+            except FilmOverError as error:  # not the end of a trial: there was none
+                raise PlatformError(f"no person was seen before the end: {error}") from error
             if seen is not None and seen.observation.box is not None:
                 return
             if time.monotonic() > deadline_s:

@@ -17,7 +17,7 @@ hypothesis.settings.load_profile("busy")
 TESTS = Path(__file__).parent
 GROUPS = {
     "flights": ("drone", "e2e/test_faults.py", "e2e/test_rehearsal.py"),
-    "ground": ("e2e/test_ground", "outside", "quadruped", "wheeled"),
+    "ground": ("e2e/test_dry_run.py", "e2e/test_ground", "outside", "quadruped", "wheeled"),
 }
 MEASURED = "measured"
 

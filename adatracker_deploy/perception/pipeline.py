@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from adatracker_deploy.runtime.clock import Clock
 
 
+CLOSE_TIMEOUT_S = 5.0
+"""A segmenter that does not return by then is left behind: its thread ends with the process at the latest."""
+
+
 class Seen(NamedTuple):
     """An observation with the frame it was made from."""
 
@@ -61,9 +65,9 @@ class Perception:
         return self._newest
 
     def close(self) -> None:
-        """End the thread; may be called twice."""
+        """End the thread, or leave it behind if it hangs in the segmenter; may be called twice."""
         self._ending.set()
-        self._thread.join()
+        self._thread.join(CLOSE_TIMEOUT_S)
 
     def __enter__(self) -> Self:
         return self
@@ -82,6 +86,6 @@ class Perception:
                     self._newest = perceive(frame, self._segmenter)
         except PlatformError as error:  # handed to whoever asks next
             self._error = error
-        except Exception as error:  # a fault of ours or a model's: the robot stops, as for any other
+        except BaseException as error:  # a fault of ours or a model's, sys.exit too: the robot stops
             self._error = PlatformError(f"perception: {type(error).__name__}: {error}")
             self._error.__cause__ = error

@@ -7,12 +7,12 @@ that side (generalised focal loss, Li et al. 2020, section 3.2).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.errors import PlatformError, UsageError
 from adatracker_deploy.perception.models.coco import COCO80
 from adatracker_deploy.perception.models.found import Candidates, Rules, instances
 from adatracker_deploy.perception.models.image_input import picture_port
@@ -91,6 +91,7 @@ class NanoDet:
         place = fit((rows, columns), _input_size(rows, columns, self._side), "letterbox_corner")
         feeds = {self._picture: prepare(picture, place, _IMAGENET_BGR)}
         values = dict(zip(self._given, self.networks[0].run(feeds, tuple(self._given.values())), strict=True))
+        self._check_grids(values, place.size)
         found = [
             self._decoded(
                 values[f"cls{stride}"][0], values[f"reg{stride}"][0], stride, place.size[1] // stride
@@ -104,6 +105,17 @@ class NanoDet:
             place,
             where=self.networks[0].file.path.name,
         )
+
+    def _check_grids(self, values: Mapping[str, NDArray[np.float32]], size: tuple[int, int]) -> None:
+        """See that each grid has a row for each of its cells, or every box would be elsewhere."""
+        for name, value in values.items():
+            stride = int(name[3:])
+            cells = size[0] // stride * (size[1] // stride)
+            if value.shape[1] != cells:
+                raise PlatformError(
+                    f"{self.networks[0].file.path.name}: gave {name} for {value.shape[1]} cells; "
+                    f"an input of {size[0]} x {size[1]} has {cells}"
+                )
 
     def _decoded(
         self, classes: NDArray[np.float32], sides: NDArray[np.float32], stride: int, across: int

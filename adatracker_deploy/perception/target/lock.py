@@ -146,7 +146,9 @@ class TargetLock:
             rows[0] = alike
         least = [_LEAST_ALIKE_OTHERS] * len(people)
         least[: len(people) - len(others)] = [_LEAST_ALIKE] * (len(people) - len(others))
-        owner = assigned(people, boxes.astype(np.float64), np.array(rows).reshape(len(people), -1), least)
+        owner = assigned(
+            people, boxes.astype(np.float64), np.array(rows).reshape(len(people), len(boxes)), least
+        )
         place = None if was_lost else owner.pop(0, None)
         free = _standing_free(boxes)
         if place is not None:

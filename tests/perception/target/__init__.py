@@ -1,0 +1,1 @@
+"""Tests of the target lock and of what it is made of."""

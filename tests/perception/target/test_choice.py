@@ -1,0 +1,143 @@
+"""Who becomes the target: by every rule, and by none where nobody surely is a person."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.perception.roles import Instances
+from adatracker_deploy.perception.target.choice import Choice
+
+WIDTH, HEIGHT = 400, 200
+
+
+def people(*boxes, scores=None):
+    """Somebody in each box, in px."""
+    sure = [0.8] * len(boxes) if scores is None else scores
+    return Instances(
+        np.array(boxes, np.float32).reshape(-1, 4), np.array(sure, np.float32), ("person",) * len(boxes)
+    )
+
+
+LEFT, MIDDLE, RIGHT = (10, 40, 60, 190), (180, 60, 220, 150), (300, 20, 380, 199)
+CROWD = people(MIDDLE, RIGHT, LEFT, scores=(0.6, 0.7, 0.9))
+
+
+def chosen(text, crowd=CROWD):
+    return Choice.read(text)(crowd, WIDTH, HEIGHT)
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        ("largest", 1),
+        ("central", 0),
+        ("best", 2),
+        ("#1", 2),
+        ("#2", 0),
+        ("#3", 1),
+        ("#4", None),
+        ("0.1,0.5", 2),  # x of 400, y of 200
+        ("0.85,0.9", 1),
+        ("0.6,0.5", None),
+        ("0.45,0.3,0.55,0.75", 0),
+        ("0.73,0.05,0.96,1", 1),
+        ("0,0,1,1", None),  # overlaps everybody, and is nobody's box
+        ("0.6,0.1,0.7,0.9", None),
+    ],
+)
+def test_a_rule_a_number_a_point_and_a_box_each_choose(text, place):
+    assert chosen(text) == place
+
+
+def test_the_default_is_the_largest():
+    assert Choice()(CROWD, WIDTH, HEIGHT) == 1
+
+
+def test_of_two_whose_boxes_hold_the_point_it_is_the_one_whose_middle_is_nearer():
+    crowd = people((100, 0, 200, 200), (150, 0, 300, 200))
+    assert chosen("0.42,0.5", crowd) == 0
+    assert chosen("0.48,0.5", crowd) == 1
+
+
+def test_the_middle_is_that_of_the_picture_in_fractions_of_both_sides():
+    crowd = people((240, 80, 260, 120), (190, 20, 210, 100))  # 50 px aside: 0.125; 40 px above: 0.2
+    assert chosen("central", crowd) == 0
+
+
+@pytest.mark.parametrize("text", ["largest", "central", "best", "#1", "0.5,0.5", "0.2,0.1,0.9,0.9"])
+def test_where_nobody_surely_is_a_person_nobody_is_chosen(text):
+    assert chosen(text, people()) is None
+    assert chosen(text, people((80, 20, 360, 180), scores=[0.49])) is None
+    assert chosen(text, people((80, 20, 360, 180), scores=[0.5])) == 0
+
+
+def test_who_is_not_surely_a_person_is_not_counted():
+    crowd = people((0, 0, 300, 200), (310, 50, 330, 100), scores=(0.4, 0.6))
+    for text in ("largest", "#1", "best", "central"):
+        assert chosen(text, crowd) == 1
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "biggest",
+        "Largest",
+        " largest",
+        "#0",
+        "#",
+        "#-1",
+        "#1.5",
+        "#100",
+        "#1 ",
+        "0.5",
+        "0.5,0.5,0.6",
+        "0.1,0.2,0.3,0.4,0.5",
+        "0.5,",
+        "0.5;0.5",
+        "a,b",
+        "nan,0.5",
+        "inf,0.5",
+        "-0.1,0.5",
+        "0.5,1.1",
+        "320,240",
+        "0.6,0.2,0.4,0.9",
+        "0.4,0.9,0.6,0.2",
+        "0.4,0.2,0.4,0.9",
+        "0.1,0.2,0.3,nan",
+    ],
+)
+def test_what_is_no_choice_is_refused_with_what_would_be(text):
+    with pytest.raises(UsageError) as refused:
+        Choice.read(text)
+    assert f"target {text!r}: expected largest, central, best, #N" in str(refused.value)
+    assert len(str(refused.value).splitlines()) == 1
+
+
+@given(st.text(max_size=12))
+def test_any_text_is_a_choice_or_refused(text):
+    try:
+        choice = Choice.read(text)
+    except UsageError:
+        return
+    assert choice(CROWD, WIDTH, HEIGHT) in (None, 0, 1, 2)
+
+
+share = st.floats(0, 1)
+
+
+@given(
+    st.lists(st.tuples(share, share, share, share, share), max_size=6),
+    st.sampled_from(["largest", "central", "best", "#1", "#3", "0.5,0.5", "0.2,0.2,0.8,0.8"]),
+)
+def test_whoever_is_chosen_is_in_sight_and_surely_a_person(found, text):
+    boxes = [(x * 390, y * 190, x * 390 + 1 + w * 9, y * 190 + 1 + h * 9) for x, y, w, h, _ in found]
+    crowd = people(*boxes, scores=[each[-1] for each in found])
+    place = chosen(text, crowd)
+    assert place is None or crowd.scores[place] >= 0.5
+    if text in ("largest", "central", "best", "#1"):
+        assert (place is None) == (not (crowd.scores >= 0.5).any())

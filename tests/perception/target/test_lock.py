@@ -1,0 +1,289 @@
+"""One person is kept through crowds and out of sight; nobody else ever takes their place in silence."""
+
+from __future__ import annotations
+
+import itertools
+import random
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from adatracker_deploy.messages import TargetState
+from adatracker_deploy.perception.target.lock import COAST_S, TargetLock
+from adatracker_deploy.perception.target.motion import STILL
+from tests.perception.target.walkers import (
+    CLOTHES,
+    RATE_HZ,
+    SIMILAR,
+    WIDE,
+    Walker,
+    along,
+    follow,
+    followed,
+    moving,
+    states,
+    steady,
+)
+
+TRACKED, COASTING, REACQUIRED, LOST = (
+    TargetState.TRACKED,
+    TargetState.COASTING,
+    TargetState.REACQUIRED,
+    TargetState.LOST,
+)
+AFTER = {
+    TRACKED: {TRACKED, COASTING, LOST},
+    COASTING: {TRACKED, COASTING, LOST},
+    LOST: {LOST, REACQUIRED},
+    REACQUIRED: {TRACKED, COASTING, LOST},
+}
+"""What may follow what; lost at once where a second goes by between two pictures."""
+
+
+def lawful(said):
+    for before, after in itertools.pairwise(states(said)):
+        assert after in AFTER[before]
+    for sight, answer in said:
+        assert (answer.place is None) == (answer.state in (COASTING, LOST))
+        assert answer.place is None or 0 <= answer.place < len(sight.boxes)
+        assert 0 <= answer.likeness <= 1 + 1e-6
+        assert answer.place is not None or answer.likeness == 0
+
+
+def test_who_walks_alone_is_tracked_in_every_picture():
+    said = follow([Walker("red", moving(60, 80))], 4)
+    assert set(states(said)) == {TRACKED}
+    assert min(answer.likeness for _, answer in said) > 0.9
+
+
+def test_two_who_cross_keep_their_own_boxes_though_one_is_hidden_for_half_a_second():
+    walkers = [Walker("red", moving(120, 40)), Walker("green", moving(280, -40))]
+    said = follow(walkers, 5)
+    hidden = sum(0 not in sight.who for sight, _ in said)
+    assert hidden == pytest.approx(0.5 * RATE_HZ, abs=1)
+    assert set(followed(said)) == {0, None}
+    assert states(said).count(COASTING) <= hidden + 2
+    assert LOST not in states(said)
+    assert states(said)[-1] is TRACKED
+
+
+def test_two_in_the_same_clothes_who_cross_are_told_apart_by_where_they_go():
+    walkers = [Walker("red", moving(120, 80)), Walker("red", moving(360, -80), tall=110)]
+    said = follow(walkers, 3)
+    assert followed(said)[-1] == 0
+
+
+def test_hidden_for_three_seconds_the_target_is_lost_and_comes_back_as_the_same_person():
+    walkers = [
+        Walker("red", along((0, 1), (100, 200))),
+        Walker("green", along((0, 1, 4, 6), (330, 200, 200, 420))),
+    ]
+    said = follow(walkers, 7)
+    assert sum(0 not in sight.who for sight, _ in said) > 3 * RATE_HZ
+    assert [state for state, _ in itertools.groupby(states(said))] == [
+        TRACKED,
+        COASTING,
+        LOST,
+        REACQUIRED,
+        TRACKED,
+    ]
+    assert set(followed(said)) == {0, None}
+    assert states(said).count(REACQUIRED) == 1
+
+
+def test_the_target_coasts_for_a_second_and_is_lost_after():
+    said = follow([Walker("red", steady(200), here=lambda t_s: t_s < 0.98)], 4)
+    unseen_s = [sight.t_ns / 1e9 - 7 - 0.95 for sight, _ in said]
+    for out_s, state in zip(unseen_s, states(said), strict=True):
+        if abs(out_s - COAST_S) > 0.01:
+            assert state is (TRACKED if out_s < 0.01 else COASTING if out_s < COAST_S else LOST)
+
+
+@pytest.mark.parametrize("clothes", [name for name in (*CLOTHES, *SIMILAR) if name != "red"])
+def test_somebody_in_other_clothes_never_takes_the_place_of_who_has_left(clothes):
+    walkers = [
+        Walker("red", steady(200), here=lambda t_s: t_s < 2),
+        Walker(clothes, along((3, 5), (20, 200)), here=lambda t_s: t_s >= 3),
+    ]
+    said = follow(walkers, 20)
+    assert set(states(said)[round((2 + COAST_S) * RATE_HZ) + 1 :]) == {LOST}
+    assert set(followed(said)) == {0, None}
+
+
+def test_a_twin_who_stood_beside_the_target_is_not_taken_for_them():
+    walkers = [
+        Walker("red", steady(150), here=lambda t_s: t_s < 2),
+        Walker("red", along((0, 4, 6), (300, 300, 150))),
+    ]
+    said = follow(walkers, 12)
+    assert 1 not in followed(said)
+    assert states(said)[-1] is LOST
+
+
+def test_of_two_who_come_and_look_the_same_neither_is_taken():
+    walkers = [
+        Walker("red", steady(200), here=lambda t_s: t_s < 2),
+        Walker("red", steady(150), here=lambda t_s: t_s >= 4),
+        Walker("red", steady(250), here=lambda t_s: t_s >= 4),
+    ]
+    assert states(follow(walkers, 10))[-1] is LOST
+
+
+def test_who_comes_back_too_far_away_to_have_walked_there_is_not_taken_at_once():
+    walkers = [Walker("red", lambda t_s: 30 if t_s < 2 else 440, here=lambda t_s: not 1 < t_s < 2.2, tall=60)]
+    said = follow(walkers, 8)
+    first = states(said).index(REACQUIRED)
+    away_s = (said[first][0].t_ns - said[round(RATE_HZ)][0].t_ns) / 1e9
+    assert away_s > (410 / 60 - 1.5) / 2.5 - 0.1  # heights away, less the reach, at heights per second
+    assert away_s < 3
+
+
+def test_a_camera_that_pans_40_px_a_picture_changes_nothing():
+    def pan(t_s):  # there and back, five pictures each
+        number = round(t_s * RATE_HZ) % 10
+        return 40 * min(number, 10 - number)
+
+    walkers = [
+        Walker("red", steady(place)) for place in (300, 340, 260)
+    ]  # whoever jumps lands in a neighbour
+    said = follow(walkers, 4, pan=pan)
+    assert set(followed(said)) == {0}
+    assert set(states(said)) == {TRACKED}
+
+
+def test_an_empty_picture_is_one_without_the_target():
+    said = follow([Walker("red", steady(200), here=lambda t_s: t_s < 0.1 or 0.4 < t_s < 1)], 4)
+    assert states(said)[-1] is LOST
+    assert states(said)[round(0.3 * RATE_HZ)] is COASTING
+    assert states(said)[round(0.7 * RATE_HZ)] is TRACKED
+
+
+def test_nothing_can_be_kept_before_somebody_is_chosen():
+    nobody = np.empty((0, 4), np.float32)
+    with pytest.raises(RuntimeError, match="no target has been chosen"):
+        TargetLock().update(nobody, np.empty(0, np.float32), np.empty((0, 3, 128), np.float32), STILL, 0)
+
+
+def test_choosing_again_forgets_who_was_the_target():
+    lock = TargetLock()
+    scene = [Walker("red", steady(100)), Walker("green", steady(300))]
+    ((sight, _),) = follow(scene, 0)
+    looks = sight.looks, sight.motion
+    lock.choose(0, sight.boxes, sight.looks, 0)
+    lock.choose(1, sight.boxes, sight.looks, 0)
+    assert lock.update(sight.boxes, sight.scores, *looks, 50_000_000).place == 1
+
+
+@st.composite
+def crowds(draw, clothes=None):
+    """Two to four people who wander, cross, leave and come back; the last is nearest: in sight at first."""
+    names = draw(
+        st.permutations(list(CLOTHES)) if clothes is None else st.lists(clothes, min_size=4, max_size=4)
+    )
+    walkers = []
+    for name in names[: draw(st.integers(2, 4))]:
+        start = draw(st.integers(30, 450))
+        times = sorted(draw(st.lists(st.floats(0.1, 6), min_size=1, max_size=4, unique=True)))
+        places = draw(st.lists(st.integers(-40, 520), min_size=len(times), max_size=len(times)))
+        gone_s = draw(st.floats(0.2, 6))
+        back_s = gone_s + draw(st.floats(0, 5))
+        walkers.append(
+            Walker(
+                name,
+                along([0, *times], [start, *places]),
+                here=lambda t_s, gone=gone_s, back=back_s: not gone <= t_s < back,
+                tall=draw(st.integers(80, 120)),
+            )
+        )
+    return walkers
+
+
+@settings(max_examples=60)
+@given(crowds(), st.randoms(use_true_random=False))
+def test_whoever_is_named_always_wears_the_targets_clothes(walkers, chance):
+    said = follow(walkers, 6, target=len(walkers) - 1, order=chance.shuffle)
+    assert {walkers[who].clothes for who in followed(said) if who is not None} <= {walkers[-1].clothes}
+    lawful(said)
+
+
+@settings(max_examples=25)
+@given(crowds(), st.integers(0, 999))
+def test_while_a_fifth_of_people_are_missed_the_place_is_still_the_targets(walkers, seed):
+    """Whoever is named for the target that was just missed stands right before or behind them."""
+    chance = random.Random(seed)
+    pictures = itertools.count()
+
+    def missed(who):
+        if next(pictures):
+            who[:] = [each for each in who if chance.random() > 0.2]
+
+    said = follow(walkers, 6, target=len(walkers) - 1, order=missed)
+    for (sight, answer), who in zip(said, followed(said), strict=True):
+        if who is not None:
+            left, _, right, _ = sight.boxes[answer.place]
+            true = walkers[-1].x((sight.t_ns - said[0][0].t_ns) / 1e9)
+            assert who == len(walkers) - 1 or abs((left + right) / 2 - true) <= WIDE
+    lawful(said)
+
+
+@settings(max_examples=25)
+@given(crowds(clothes=st.sampled_from(["red", "green"])))
+def test_whatever_people_wear_the_states_are_in_lawful_order_and_the_same_again(walkers):
+    said, again = (follow(walkers, 6, target=len(walkers) - 1) for _ in range(2))
+    lawful(said)
+    assert [answer for _, answer in said] == [answer for _, answer in again]
+
+
+@st.composite
+def any_pictures(draw):
+    """Boxes, looks, motions and times that no camera ever gave."""
+    pictures = []
+    for _ in range(draw(st.integers(2, 12))):
+        count = draw(st.integers(0 if pictures else 1, 5))
+        corner = draw(arrays.arrays(np.float32, (count, 2), elements=st.floats(0, 600, width=32)))
+        side = draw(arrays.arrays(np.float32, (count, 2), elements=st.floats(1, 400, width=32)))
+        pictures.append(
+            (
+                np.hstack((corner, corner + side)),
+                draw(arrays.arrays(np.float32, count, elements=st.floats(0, 1, width=32))),
+                _looks(draw(st.lists(st.integers(0, 3), min_size=count, max_size=count))),
+                _motion(draw(st.floats(-0.5, 0.5)), draw(st.floats(0.8, 1.25)), draw(st.floats(-99, 99))),
+                draw(st.sampled_from([0, 1, 50_000_000, 400_000_000, 5_000_000_000])),
+            )
+        )
+    return pictures
+
+
+def _looks(kinds):
+    looks = np.zeros((len(kinds), 3, 128), np.float32)
+    for look, kind in zip(looks, kinds, strict=True):
+        look[:, kind : kind + 2] = np.sqrt(0.5)
+    return looks
+
+
+def _motion(turn, zoom, shift):
+    c, s = zoom * np.cos(turn), zoom * np.sin(turn)
+    return np.array([[c, -s, shift], [s, c, -shift]])
+
+
+@given(any_pictures())
+def test_whatever_a_detector_finds_the_lock_answers_by_the_rules(pictures):
+    class Sight:
+        def __init__(self, boxes):
+            self.boxes = boxes
+
+    def run():
+        lock = TargetLock()
+        boxes, _, looks, _, t_ns = pictures[0]
+        said = [(Sight(boxes), lock.choose(len(boxes) - 1, boxes, looks, t_ns))]
+        for boxes, scores, looks, motion, dt_ns in pictures[1:]:
+            t_ns += dt_ns
+            said.append((Sight(boxes), lock.update(boxes, scores, looks, motion, t_ns)))
+        return said
+
+    said = run()
+    lawful(said)
+    assert [answer for _, answer in said] == [answer for _, answer in run()]

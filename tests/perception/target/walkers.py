@@ -1,0 +1,136 @@
+"""A little world for the lock: people in coloured clothes walk past each other before a camera that may pan.
+
+Everybody is painted, the farthest first, and described by the toolkit's own `appearances`: so whoever is half
+hidden looks half like whoever hides them. Whoever is mostly hidden, or out of the picture, is not found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from adatracker_deploy.perception.target.appearance import appearances
+from adatracker_deploy.perception.target.lock import TargetLock
+
+ROWS, COLUMNS = 160, 480
+RATE_HZ = 20
+TALL, WIDE = 100, 40
+GROUND = 90
+"""Brightness of the wall behind everybody."""
+LEAST_SEEN = 0.5
+"""Share of a person that is in sight, from which they are found."""
+
+CLOTHES = {
+    "red": ((200, 30, 30), (180, 60, 60), (40, 40, 90)),
+    "green": ((30, 160, 40), (60, 140, 60), (150, 120, 60)),
+    "blue": ((30, 60, 200), (60, 60, 180), (200, 200, 200)),
+    "yellow": ((220, 210, 40), (190, 180, 60), (90, 30, 30)),
+    "white": ((240, 240, 240), (200, 230, 240), (30, 120, 130)),
+}
+"""Chest, waist and legs."""
+SIMILAR = {
+    "red with green trousers": (*CLOTHES["red"][:2], CLOTHES["green"][2]),
+    "red under a blue coat": (*CLOTHES["blue"][:2], CLOTHES["red"][2]),
+}
+"""What is not to be taken for red."""
+
+
+@dataclass(frozen=True)
+class Walker:
+    """Somebody; of two in one place the one who comes later in the world's list is nearer."""
+
+    clothes: str
+    x: Callable[[float], float]
+    """Where their middle is at a time, s -> px of the world."""
+    here: Callable[[float], bool] = lambda t_s: True
+    tall: int = TALL
+
+
+@dataclass
+class Sight:
+    """What a detector finds in one picture."""
+
+    t_ns: int
+    who: list[int]
+    """Which walker each box is."""
+    boxes: np.ndarray
+    looks: np.ndarray
+    motion: np.ndarray
+    scores: np.ndarray = field(init=False)
+
+    def __post_init__(self):
+        self.scores = np.full(len(self.who), 0.9, np.float32)
+
+
+def steady(x):
+    return lambda t_s: x
+
+
+def moving(start, speed):
+    return lambda t_s: start + speed * t_s
+
+
+def along(times, places):
+    """Walk from place to place at these times, s; stand before and after."""
+    return lambda t_s: float(np.interp(t_s, times, places))
+
+
+def sights(walkers, seconds, pan=lambda t_s: 0.0, order=None):
+    """Give what is found in each picture, in an order of `order`'s choosing; by default the world's."""
+    before = pan(0.0)
+    for number in range(round(seconds * RATE_HZ) + 1):
+        t_s = number / RATE_HZ
+        motion = np.array([[1.0, 0, before - pan(t_s)], [0, 1, 0]])
+        before = pan(t_s)
+        yield _sight(walkers, t_s, before, motion, order)
+
+
+def _sight(walkers, t_s, pan, motion, order):
+    picture = np.full((ROWS, COLUMNS, 3), GROUND, np.uint8)
+    owner = np.full((ROWS, COLUMNS), -1)
+    boxes = {}
+    for number, walker in enumerate(walkers):
+        if not walker.here(t_s):
+            continue
+        middle, wide = walker.x(t_s) - pan, walker.tall * WIDE / TALL
+        left, right = round(middle - wide / 2), round(middle + wide / 2)
+        bottom = ROWS - 10
+        top = bottom - walker.tall
+        inside = slice(max(0, left), max(0, right))
+        head, waist, hips = (top + round(share * walker.tall) for share in (0.1, 0.34, 0.54))
+        for begin, end, colour in zip(
+            (head, waist, hips), (waist, hips, bottom), (CLOTHES | SIMILAR)[walker.clothes], strict=True
+        ):
+            picture[begin:end, inside] = colour
+        owner[top:bottom, inside] = number
+        boxes[number] = (max(0, left), top, min(COLUMNS, right), bottom)
+    size = {n: walkers[n].tall * round(walkers[n].tall * WIDE / TALL) for n in boxes}
+    who = [n for n in boxes if (owner == n).sum() >= LEAST_SEEN * size[n]]
+    if order is not None:
+        order(who)
+    found = np.array([boxes[n] for n in who], np.float32).reshape(-1, 4)
+    return Sight(round(t_s * 1e9) + 7_000_000_000, who, found, appearances(picture, found), motion)
+
+
+def follow(walkers, seconds, target=0, **how):
+    """Choose the target in the first picture, and return (sight, what the lock says of it) of each."""
+    lock = TargetLock()
+    said = []
+    for sight in sights(walkers, seconds, **how):
+        if not said:
+            answer = lock.choose(sight.who.index(target), sight.boxes, sight.looks, sight.t_ns)
+        else:
+            answer = lock.update(sight.boxes, sight.scores, sight.looks, sight.motion, sight.t_ns)
+        said.append((sight, answer))
+    return said
+
+
+def followed(said):
+    """Which walker was the target in each picture; None while nobody was."""
+    return [None if answer.place is None else sight.who[answer.place] for sight, answer in said]
+
+
+def states(said):
+    return [answer.state for _, answer in said]

@@ -1,0 +1,189 @@
+"""Whatever a segmenter gives, only an observation of the frame gets through; all else stops the robot."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from streams import until
+
+from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.messages import Box, Frame, Observation
+from adatracker_deploy.perception import pipeline
+from adatracker_deploy.perception.pipeline import Perception, perceive
+from adatracker_deploy.perception.segmenter import TruthSegmenter, check_observation
+from adatracker_deploy.runtime.clock import FakeClock
+
+FRAME = Frame(np.zeros((48, 64, 3), np.uint8), 7_000_000_000, 3)
+MASK = np.zeros((160, 160), np.uint8)
+GOOD = Observation(MASK, Box(0.5, 0.5, 0.2, 0.4), 0.9, FRAME.t_ns, FRAME.seq)
+NAN = float("nan")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {},
+        {"box": None},
+        {"box": Box(0.5, 0.5, 1.0, 1.0)},
+        {"box": Box(0.0, 1.0, 0.001, 0.001)},
+        {"confidence": 0.0},
+        {"confidence": 1.0},
+        {"mask": np.full((1, 7), 3, np.uint8)},
+    ],
+)
+def test_an_observation_of_the_frame_gets_through(change):
+    check_observation(replace(GOOD, **change), FRAME)
+
+
+NONSENSE = [
+    ({"seq": 2}, "of another frame"),
+    ({"t_ns": FRAME.t_ns - 1}, "of another frame"),
+    ({"mask": np.zeros((160, 160, 1), np.uint8)}, "no class mask"),
+    ({"mask": np.zeros(160, np.uint8)}, "no class mask"),
+    ({"mask": np.zeros((160, 160))}, "no class mask"),
+    ({"mask": np.zeros((160, 160), bool)}, "no class mask"),
+    ({"mask": np.zeros((0, 160), np.uint8)}, "no class mask"),
+    ({"mask": np.full((160, 160), 4, np.uint8)}, "no class mask"),
+    ({"mask": np.full((160, 160), 255, np.uint8)}, "no class mask"),
+    *(
+        ({"box": Box(**({"cx": 0.5, "cy": 0.5, "w": 0.2, "h": 0.4} | {side: value}))}, "a box that is none")
+        for side, values in {
+            "cx": (-0.01, 1.01, NAN, np.inf),
+            "cy": (-0.01, 1.01, NAN),
+            "w": (0, -0.2, 1.01, NAN),
+            "h": (0, -0.2, 1.01, NAN),
+        }.items()
+        for value in values
+    ),
+    ({"confidence": -0.01}, "a confidence of -0.01"),
+    ({"confidence": 1.01}, "a confidence of 1.01"),
+    ({"confidence": NAN}, "a confidence of nan"),
+]
+
+
+@pytest.mark.parametrize(("change", "reason"), NONSENSE)
+def test_nonsense_is_refused_in_one_sentence(change, reason):
+    with pytest.raises(PlatformError, match=f"^segmenter: gave .*{reason}") as refused:
+        perceive(FRAME, lambda frame: replace(GOOD, **change))
+    assert len(str(refused.value).splitlines()) == 1
+
+
+class Still:
+    """A camera that always shows the same thing, in a new frame each time."""
+
+    def __init__(self):
+        self.seq = 0
+
+    def read(self, now_ns):
+        self.seq += 1
+        return Frame(FRAME.rgb, now_ns, self.seq)
+
+
+def ended_by(segmenter):
+    """Run perception until it has ended, and return the error that says why."""
+    with Perception(Still(), segmenter, FakeClock(), 20.0) as perception:
+        perception._thread.join(10)
+        assert not perception._thread.is_alive()
+        with pytest.raises(PlatformError) as ended:
+            perception.newest()
+        with pytest.raises(PlatformError):  # and so for whoever asks again
+            perception.newest()
+    return ended.value
+
+
+def good(frame):
+    return replace(GOOD, t_ns=frame.t_ns, seq=frame.seq)
+
+
+@pytest.mark.parametrize(
+    ("gives", "reason"),
+    [
+        (lambda frame: None, "perception: AttributeError"),
+        (lambda frame: "person", "perception: AttributeError"),
+        (lambda frame: replace(good(frame), mask=[[0]]), "perception: AttributeError"),
+        (lambda frame: replace(good(frame), box=(0, 0, 1, 1)), "perception: AttributeError"),
+        (lambda frame: replace(good(frame), confidence=None), "perception: TypeError"),
+        (lambda frame: replace(good(frame), confidence=2.0), "segmenter: gave a confidence of 2.0"),
+        (lambda frame: replace(good(frame), seq=0), "segmenter: gave an observation of another frame"),
+        (TruthSegmenter(), "this frame carries no truth"),
+    ],
+)
+def test_rubbish_ends_perception_with_a_sentence(gives, reason):
+    assert str(ended_by(gives)).startswith(reason)
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        ValueError("odd"),
+        MemoryError(),
+        RecursionError(),
+        AssertionError(),
+        SystemExit(3),
+        KeyboardInterrupt(),
+    ],
+)
+def test_whatever_a_segmenter_raises_is_told(error):
+    def fails(frame):
+        raise error
+
+    ended = ended_by(fails)
+    assert type(error).__name__ in str(ended)
+    assert ended.__cause__ is error
+
+
+def test_a_good_beginning_does_not_hide_a_bad_end():
+    def twice(frame):
+        if frame.seq > 2:
+            raise ValueError("tired")
+        return good(frame)
+
+    assert "tired" in str(ended_by(twice))
+
+
+def test_the_loop_never_waits_for_a_segmenter_that_stalls(monkeypatch):
+    monkeypatch.setattr(pipeline, "CLOSE_TIMEOUT_S", 0.05)
+    stalled, mended = threading.Event(), threading.Event()
+
+    def stalls(frame):
+        if frame.seq > 2:
+            stalled.set()
+            mended.wait(30)
+        return good(frame)
+
+    perception = Perception(Still(), stalls, FakeClock(), 20.0)
+    assert stalled.wait(10)
+    assert perception.newest().observation.seq == 2  # the last it gave; its age is for the loop to judge
+    perception.close()  # nor does the end
+    assert not mended.is_set()
+    mended.set()
+    perception._thread.join(10)
+    assert not perception._thread.is_alive()
+
+
+def test_frame_and_observation_come_together():
+    with Perception(Still(), good, FakeClock(), 20.0) as perception:
+        seen = until(perception.newest)
+    assert (seen.frame.seq, seen.frame.t_ns) == (seen.observation.seq, seen.observation.t_ns)
+
+
+def test_a_frame_that_was_seen_is_not_segmented_again():
+    class Frozen:
+        looks = 0
+
+        def read(self, now_ns):
+            self.looks += 1
+            return FRAME
+
+    camera, seen = Frozen(), []
+
+    def counts(frame):
+        seen.append(frame.seq)
+        return good(frame)
+
+    with Perception(camera, counts, FakeClock(), 20.0):
+        until(lambda: camera.looks > 20)
+    assert seen == [FRAME.seq]

@@ -1,0 +1,243 @@
+"""From pictures to observations: what is drawn, who covers whom, whose box it is.
+
+The detector here is a real one for a painted world: it finds each thing by the colour of its pixels.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from adatracker_deploy.messages import Frame, MaskClass, TargetState
+from adatracker_deploy.perception.roles import Instances
+from adatracker_deploy.perception.segmenter import check_observation
+from adatracker_deploy.perception.target.choice import Choice
+from adatracker_deploy.perception.target_segmenter import CUT_OUT, TargetSegmenter
+
+ROWS, COLUMNS = 240, 400
+RED, GREEN, BLUE, PINK = (200, 30, 30), (30, 160, 40), (30, 60, 200), (240, 120, 180)
+CHAIR, BOX = (120, 90, 10), (10, 90, 120)
+THINGS = {
+    RED: ("person", 0.9),
+    GREEN: ("person", 0.8),
+    BLUE: ("person", 0.7),
+    PINK: ("person", 0.6),
+    CHAIR: ("chair", 0.75),
+    BOX: ("box", 0.4),  # too unsure to be drawn
+}
+TARGET, PERSON, OBSTACLE = MaskClass.TARGET, MaskClass.PERSON, MaskClass.OBSTACLE
+
+
+class Colours:
+    """Implements `Detector`: one instance of each known colour, boxed by its own pixels."""
+
+    vocabulary = ("person", "chair", "box")
+
+    def __init__(self, masks=False, size=160):
+        self.masks, self.size = masks, size
+
+    def __call__(self, picture):
+        boxes, scores, words, masks = [], [], [], []
+        for colour, (word, score) in THINGS.items():
+            hit = (picture == colour).all(axis=2)
+            if hit.any():
+                rows, columns = np.flatnonzero(hit.any(axis=1)), np.flatnonzero(hit.any(axis=0))
+                boxes.append((columns[0], rows[0], columns[-1] + 1, rows[-1] + 1))
+                scores.append(score)
+                words.append(word)
+                masks.append(cells(hit, self.size))
+        return Instances(
+            np.array(boxes, np.float32).reshape(-1, 4),
+            np.array(scores, np.float32),
+            tuple(words),
+            np.array(masks, bool).reshape(-1, self.size, self.size) if self.masks else None,
+        )
+
+
+class CutOut:
+    """Implements `MaskHead`: a person is what has a known colour in the middle of the box."""
+
+    def __init__(self):
+        self.asked = []
+
+    def __call__(self, picture, boxes, size):
+        self.asked.append(len(boxes))
+        masks = np.zeros((len(boxes), size, size), bool)
+        for mask, (left, top, right, bottom) in zip(masks, boxes.astype(int), strict=True):
+            inside = picture[top:bottom, left:right].reshape(-1, 3)
+            colour = next(c for c in THINGS if (inside == c).all(axis=1).mean() > 0.4)
+            mask[:] = cells((picture == colour).all(axis=2), size)
+        return masks
+
+
+def cells(hit, size=160):
+    return cv2.resize(hit.astype(np.float32), (size, size), interpolation=cv2.INTER_AREA) >= 0.5
+
+
+def scene(*things):
+    """Paint rectangles (colour, left, top, right, bottom), the nearest last."""
+    picture = np.full((ROWS, COLUMNS, 3), 128, np.uint8)
+    for colour, left, top, right, bottom in things:
+        picture[top:bottom, left:right] = colour
+    return picture
+
+
+def film(*pictures, rate_hz=20):
+    return [
+        Frame(picture, 7_000_000_000 + number * 1_000_000_000 // rate_hz, number + 1)
+        for number, picture in enumerate(pictures)
+    ]
+
+
+def watch(frames, segmenter=None):
+    segmenter = segmenter or TargetSegmenter(Colours(masks=True), None)
+    seen = []
+    for frame in frames:
+        seen.append(segmenter(frame))
+        check_observation(seen[-1], frame)
+    return seen
+
+
+def look(*things, detector=None, mask_head=None, target="best"):
+    (seen,) = watch(
+        film(scene(*things)), TargetSegmenter(detector or Colours(), mask_head, Choice.read(target))
+    )
+    return seen
+
+
+def part(*corners):
+    """A rectangle in the picture's px, as cells of the mask."""
+    left, top, right, bottom = corners
+    hit = np.zeros((ROWS, COLUMNS), bool)
+    hit[top:bottom, left:right] = True
+    return cells(hit)
+
+
+@pytest.mark.parametrize("how", [{"detector": Colours(masks=True)}, {"mask_head": CutOut()}])
+def test_the_target_other_people_and_obstacles_are_each_drawn_where_they_are(how):
+    things = (RED, 50, 60, 100, 180), (GREEN, 200, 60, 250, 180), (CHAIR, 300, 120, 360, 210)
+    seen = look(*things, **how)
+    for (_, *corners), value in zip(things, (TARGET, PERSON, OBSTACLE), strict=True):
+        np.testing.assert_array_equal(seen.mask == value, part(*corners))
+    assert (seen.mask.shape, seen.mask.dtype) == ((160, 160), np.uint8)
+    assert (seen.target, seen.confidence) == (TargetState.TRACKED, 1)
+
+
+def test_the_box_is_in_fractions_of_both_sides():
+    box = look((RED, 50, 60, 100, 180)).box
+    assert (box.cx, box.cy, box.w, box.h) == pytest.approx((75 / 400, 120 / 240, 50 / 400, 120 / 240))
+
+
+def test_without_masks_a_person_is_an_ellipse_in_their_box():
+    mask = look((RED, 100, 60, 150, 180)).mask == TARGET
+    inside = part(100, 60, 150, 180)
+    assert not (mask & ~cv2.dilate(inside.astype(np.uint8), np.ones((3, 3))).astype(bool)).any()
+    assert mask.sum() == pytest.approx(np.pi / 4 * inside.sum(), rel=0.1)
+
+
+@pytest.mark.parametrize(("target", "nearer"), [("best", PERSON), ("#2", TARGET)])
+def test_who_stands_lower_covers_who_stands_higher_target_or_not(target, nearer):
+    seen = look((RED, 50, 40, 110, 160), (GREEN, 90, 60, 150, 200), target=target)
+    assert seen.mask[part(95, 100, 105, 140)].tolist().count(nearer) > 0.9 * part(95, 100, 105, 140).sum()
+
+
+def test_an_obstacle_that_is_only_a_box_never_hides_anybody():
+    alone = look((RED, 150, 40, 210, 160))
+    behind = look((RED, 150, 40, 210, 160), (CHAIR, 100, 130, 149, 230), (CHAIR, 211, 130, 300, 230))
+    np.testing.assert_array_equal(behind.mask == TARGET, alone.mask == TARGET)
+    assert (behind.mask == OBSTACLE).sum() > 0.5 * part(100, 130, 300, 230).sum()
+
+
+def test_an_obstacle_with_a_mask_hides_who_is_behind_it():
+    things = (RED, 150, 40, 210, 200), (CHAIR, 100, 130, 300, 230)
+    seen = look(*things, detector=Colours(masks=True))
+    np.testing.assert_array_equal(seen.mask == TARGET, part(150, 40, 210, 130))
+    np.testing.assert_array_equal(seen.mask == OBSTACLE, part(100, 130, 300, 230))
+
+
+def test_an_unsure_obstacle_is_not_drawn():
+    seen = look((RED, 50, 60, 100, 180), (BOX, 200, 60, 300, 180))
+    assert not (seen.mask == OBSTACLE).any()
+
+
+@pytest.mark.parametrize("things", [(), ((CHAIR, 100, 130, 300, 230),)])
+def test_where_nobody_is_nobody_is_the_target(things):
+    seen = look(*things)
+    assert (seen.box, seen.target, seen.confidence) == (None, None, 0)
+    assert set(np.unique(seen.mask)) <= {0, OBSTACLE}
+
+
+def test_people_are_drawn_while_the_one_to_follow_is_not_yet_in_sight():
+    seen = look((GREEN, 200, 60, 250, 180), target="0.1,0.5")
+    assert (seen.box, seen.target) == (None, None)
+    assert (seen.mask == PERSON).any()
+    assert not (seen.mask == TARGET).any()
+
+
+def test_the_mask_head_cuts_out_the_target_and_the_nearest():
+    heads = CutOut()
+    things = [(c, 20 + 90 * i, 40, 70 + 90 * i, 150 + 20 * i) for i, c in enumerate((RED, GREEN, BLUE, PINK))]
+    seen = look(*things, mask_head=heads)
+    assert heads.asked == [CUT_OUT]
+    np.testing.assert_array_equal(seen.mask == TARGET, part(*things[0][1:]))  # the farthest, but the target
+    left_out = part(*things[1][1:])
+    assert 0 < (seen.mask[left_out] == PERSON).mean() < 0.9  # an ellipse
+    assert (seen.mask[part(*things[3][1:])] == PERSON).all()
+
+
+def walk(number):
+    """Red walks to the right before green, who stands; a chair stands before both."""
+    return scene(
+        (GREEN, 180, 50, 230, 170),
+        (RED, 20 + 6 * number, 60, 70 + 6 * number, 200),
+        (CHAIR, 320, 150, 390, 230),
+    )
+
+
+def test_a_walk_is_the_same_every_time_and_the_target_is_always_red():
+    first, second = (watch(film(*map(walk, range(45)))) for _ in range(2))
+    for number, (a, b) in enumerate(zip(first, second, strict=True)):
+        np.testing.assert_array_equal(a.mask, b.mask)
+        assert (a.box, a.confidence, a.target, a.seq) == (b.box, b.confidence, b.target, b.seq)
+        assert a.box.cx * COLUMNS == pytest.approx(45 + 6 * number)
+        assert a.target is TargetState.TRACKED
+
+
+def test_reset_chooses_anew():
+    segmenter = TargetSegmenter(Colours(), None, Choice.read("best"))
+    both, green = (
+        scene((RED, 50, 60, 100, 180), (GREEN, 200, 60, 250, 180)),
+        scene((GREEN, 200, 60, 250, 180)),
+    )
+    (a, b) = watch(film(both, green), segmenter)
+    assert (a.box.cx, b.box, b.target) == (75 / 400, None, TargetState.COASTING)
+    segmenter.reset()
+    (c,) = watch(film(green), segmenter)
+    assert (c.box.cx, c.target) == (225 / 400, TargetState.TRACKED)
+
+
+def test_out_of_sight_there_is_neither_box_nor_mask_and_back_again_there_is():
+    here, empty = scene((RED, 150, 60, 200, 180)), scene()
+    seen = watch(film(*[here] * 3, *[empty] * 50, *[here] * 5))
+    assert [each.target for each in seen[:22]] == [TargetState.TRACKED] * 3 + [TargetState.COASTING] * 19
+    for each in seen[3:53]:
+        assert (each.box, each.confidence, each.mask.max()) == (None, 0, 0)
+    assert seen[52].target is TargetState.LOST
+    assert [each.target for each in seen[53:]] == [TargetState.LOST] * 2 + [
+        TargetState.REACQUIRED,
+        TargetState.TRACKED,
+        TargetState.TRACKED,
+    ]
+    assert (seen[-1].mask == TARGET).any()
+
+
+def test_the_first_person_to_come_is_chosen_though_the_film_began_without_one():
+    seen = watch(film(scene(), scene((CHAIR, 0, 0, 50, 50)), scene((GREEN, 200, 60, 250, 180))))
+    assert [each.target for each in seen] == [None, None, TargetState.TRACKED]
+
+
+def test_a_picture_of_one_colour_and_any_shape_is_no_trouble():
+    for shape in ((1, 1, 3), (2, 300, 3), (300, 2, 3)):
+        seen = watch(film(*[np.full(shape, 200, np.uint8)] * 2))
+        assert seen[1].mask.shape == (160, 160)
