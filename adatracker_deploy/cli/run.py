@@ -143,7 +143,7 @@ def _plan(args: argparse.Namespace, name: str) -> TrialPlan:
     if virtual:
         _check_world(scenario.scene)
     _check_log_dir(args.log_dir)
-    segmenter, segmenter_name = _segmenter(args, profile, virtual=virtual)
+    segmenter, segmenter_name = _segmenter(args, profile, uri, virtual=virtual)
     return TrialPlan(
         platform=platform,
         profile=profile,
@@ -160,12 +160,16 @@ def _plan(args: argparse.Namespace, name: str) -> TrialPlan:
     )
 
 
-def _segmenter(args: argparse.Namespace, profile: Profile, *, virtual: bool) -> tuple[Segmenter, str]:
+def _segmenter(
+    args: argparse.Namespace, profile: Profile, uri: str, *, virtual: bool
+) -> tuple[Segmenter, str]:
+    from adatracker_deploy.perception.camera import ON_A_WIRE
     from adatracker_deploy.perception.segmenters import EMBEDDED, OF_REHEARSALS, TRUTH, open_segmenter
     from adatracker_deploy.perception.target.choice import Choice
 
     name = args.segmenter or (TRUTH if virtual else EMBEDDED)
-    if name in OF_REHEARSALS and not virtual:
+    # A simulated robot that was started by hand sends the truth as well: the first frame will tell.
+    if name in OF_REHEARSALS and not virtual and not uri.startswith(ON_A_WIRE):
         raise UsageError(f"--segmenter {name} needs a virtual world: add --sitl, or --camera world://SCENE")
     if name == EMBEDDED and virtual:
         raise UsageError(

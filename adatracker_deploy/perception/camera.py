@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 WORLD = "world://"
 ROBOT = "robot://"
+ON_A_WIRE = (ROBOT, "http://", "https://")
+"""Cameras that in a rehearsal carry the truth beside the picture."""
 OPEN_TIMEOUT_S = 5.0
 """Machine time within which an opened camera must have given its first frame."""
 LARGEST_SIDE = 8192

@@ -71,7 +71,7 @@ def test_so_many_steps_and_no_more(dry_run):
         (("--prompt", "person, unicorn"), "does not know the word 'unicorn'; it knows person, bicycle, car"),
         (("--prompt", "chair"), "expected words with 'person' among them"),
         (("--target", "tallest"), "target 'tallest': expected largest, central, best, #N"),
-        (("--segmenter", "magic"), "segmenter 'magic': expected embedded, truth"),
+        (("--segmenter", "magic"), "segmenter 'magic': expected embedded, a model's .onnx"),
         (("--segmenter", "truth"), "--segmenter truth needs a virtual world"),
         (("--segmenter", "missing.onnx"), "missing.onnx"),
         (("--camera", "missing.mp4"), "missing.mp4"),

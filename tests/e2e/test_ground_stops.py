@@ -42,7 +42,9 @@ def robot(request, tmp_path):
 @pytest.fixture
 def drive(tmp_path, robot):
     """Start the command against the robot, whose far end was started by hand."""
-    with started(tmp_path, "--platform", robot.name, "--profile", str(robot.profile)) as start:
+    with started(
+        tmp_path, "--platform", robot.name, "--profile", str(robot.profile), "--segmenter", "truth"
+    ) as start:
         yield start
 
 
