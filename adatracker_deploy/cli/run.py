@@ -177,7 +177,13 @@ def _segmenter(
             "rehearse with --segmenter noisy, which makes its mistakes, and try it on real footage with "
             "--dry-run --camera FILE"
         )
-    return open_segmenter(name, args.prompt, Choice.read(args.target), rate_hz=profile.camera.rate_hz)
+    return open_segmenter(
+        name,
+        args.prompt,
+        Choice.read(args.target),
+        propagator=args.propagator,
+        rate_hz=profile.camera.rate_hz,
+    )
 
 
 def _check_world(scene: str) -> None:

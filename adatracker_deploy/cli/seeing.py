@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
 PROMPT = "person, obstacles"
 
 
 def add_segmenter_options(group: argparse._ActionsContainer, default: str) -> None:
-    """Add ``--segmenter``, ``--prompt`` and ``--target``; `default` says which segmenter is the default."""
+    """Add the options of perception; `default` says which segmenter is the default."""
     group.add_argument(
         "--segmenter",
         metavar="NAME|FILE",
         help=f"embedded, or a model's .onnx or .yaml (default: {default})",
+    )
+    group.add_argument(
+        "--propagator",
+        type=Path,
+        metavar="FILE",
+        help="SAM2's or EdgeTAM's .yaml: follows the target's mask, also where the segmenter misses it",
     )
     group.add_argument(
         "--prompt",

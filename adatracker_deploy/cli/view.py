@@ -70,7 +70,9 @@ def run(args: argparse.Namespace) -> int:
     film = camera if isinstance(camera, FilmCamera) else None
     _check_write(args, from_film=film is not None)
     policy = _policy(args.policy)
-    segmenter, segmenter_name = open_segmenter(args.segmenter or EMBEDDED, args.prompt, choice)
+    segmenter, segmenter_name = open_segmenter(
+        args.segmenter or EMBEDDED, args.prompt, choice, propagator=args.propagator
+    )
     signal.signal(signal.SIGTERM, interrupt)
     with contextlib.ExitStack() as stack:
         shown = _server(args, stack) if film is None or args.write is None else None

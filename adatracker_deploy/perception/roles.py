@@ -88,7 +88,12 @@ class Propagator(Protocol):
     """Follows one thing from picture to picture by its mask."""
 
     def start(self, picture: Picture, mask: NDArray[np.bool_]) -> None:
-        """Begin with the thing's mask over this picture, of any resolution; forgets what came before."""
+        """Begin with the thing's mask over this picture, of any resolution; forgets what came before.
+
+        Raises:
+            UsageError: there is nothing to follow: the mask is empty, or too small for the model.
+            PlatformError: the model gave what no such model gives.
+        """
 
     def step(self, picture: Picture) -> Propagated:
         """Return where it is in the next picture.

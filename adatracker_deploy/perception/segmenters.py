@@ -40,6 +40,7 @@ def open_segmenter(
     prompt: str,
     choice: Choice,
     *,
+    propagator: Path | None = None,
     rate_hz: float = 30.0,
     providers: tuple[str, ...] | None = None,
 ) -> tuple[Segmenter, str]:
@@ -49,6 +50,7 @@ def open_segmenter(
         name: `TRUTH`, `NOISY`, `EMBEDDED`, or a path to a model.
         prompt: words with commas between them.
         choice: who becomes the target.
+        propagator: the .yaml of one that follows the target's mask.
         rate_hz: of the camera; only rehearsals ask.
         providers: where models run, by preference; None: the processor, or what a model's sidecar says.
 
@@ -56,6 +58,10 @@ def open_segmenter(
         UsageError: there is no such segmenter, it does not know a word, or its file cannot be used.
     """
     words = words_of(prompt)
+    if propagator and name in OF_REHEARSALS:
+        raise UsageError(
+            f"--propagator follows people in pictures, which --segmenter {name} does not look at"
+        )
     if name == TRUTH:
         return TruthSegmenter(), "the simulated camera's truth"
     if name == NOISY:
@@ -64,36 +70,47 @@ def open_segmenter(
         return NoisyTruth(
             "embedded", rate_hz
         ), "the simulated camera's truth, spoilt like the embedded segmenter's"
-    if name == EMBEDDED:
-        return _embedded(words, choice, providers or ("cpu",))
-    if not name.endswith(_FILES):
+    if name != EMBEDDED and not name.endswith(_FILES):
         raise UsageError(f"segmenter {name!r}: expected {KNOWN}")
-    return _from_file(Path(name), words, choice, providers)
+    return _of_pictures(name, words, choice, propagator, providers)
 
 
-def _embedded(words: tuple[str, ...], choice: Choice, providers: tuple[str, ...]) -> tuple[Segmenter, str]:
-    from adatracker_deploy.models import shipped
-    from adatracker_deploy.perception.models.nanodet import NanoDet
-    from adatracker_deploy.perception.models.selfie import SelfieMasks
-
-    detector = NanoDet(shipped("nanodet_g_int8.onnx"), words, providers=providers)
-    heads = SelfieMasks(shipped("selfie_segmentation.onnx"), providers=providers)
-    lines = "; ".join(str(network) for network in (*detector.networks, *heads.networks))
-    return TargetSegmenter(detector, heads, choice), lines
-
-
-def _from_file(
-    path: Path, words: tuple[str, ...], choice: Choice, providers: tuple[str, ...] | None
+def _of_pictures(
+    name: str,
+    words: tuple[str, ...],
+    choice: Choice,
+    propagator: Path | None,
+    providers: tuple[str, ...] | None,
 ) -> tuple[Segmenter, str]:
     from adatracker_deploy.models import shipped
     from adatracker_deploy.perception.models.catalogue import open_model
+    from adatracker_deploy.perception.models.grounding_dino import GroundingDino
+    from adatracker_deploy.perception.models.nanodet import NanoDet
     from adatracker_deploy.perception.models.sam2 import Sam2Propagator
     from adatracker_deploy.perception.models.selfie import SelfieMasks
 
-    model = open_model(path, words, providers)
-    if isinstance(model, Sam2Propagator):
+    where = providers or ("cpu",)
+    detector = (
+        NanoDet(shipped("nanodet_g_int8.onnx"), words, providers=where)
+        if name == EMBEDDED
+        else open_model(Path(name), words, providers)
+    )
+    if isinstance(detector, Sam2Propagator):
         raise UsageError(
-            f"segmenter {path}: follows a mask and finds nobody by itself: give a detector's file"
+            f"segmenter {name}: follows a mask and finds nobody by itself: give it as --propagator"
         )
-    lines = "; ".join(map(str, model.networks))
-    return TargetSegmenter(model, SelfieMasks(shipped("selfie_segmentation.onnx")), choice), lines
+    heads = SelfieMasks(shipped("selfie_segmentation.onnx"), providers=where)
+    follower = None if propagator is None else open_model(propagator, (), providers)
+    if not (follower is None or isinstance(follower, Sam2Propagator)):
+        raise UsageError(
+            f"propagator {propagator}: finds people but follows nobody's mask: expected kind sam2"
+        )
+    parts = (detector, heads) if follower is None else (detector, heads, follower)
+    segmenter = TargetSegmenter(
+        detector,
+        heads,
+        choice,
+        follower,
+        key_frames=follower is not None and isinstance(detector, GroundingDino),
+    )
+    return segmenter, "; ".join(str(network) for part in parts for network in part.networks)

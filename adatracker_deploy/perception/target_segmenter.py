@@ -12,16 +12,18 @@ import numpy as np
 from adatracker_deploy.messages import Box, MaskClass, Observation
 from adatracker_deploy.perception.boxes import heights
 from adatracker_deploy.perception.drawing import MASK_SIZE, class_mask, ellipses
+from adatracker_deploy.perception.roles import Instances
 from adatracker_deploy.perception.target.appearance import appearances
 from adatracker_deploy.perception.target.choice import Choice
 from adatracker_deploy.perception.target.lock import Locked, TargetLock
 from adatracker_deploy.perception.target.motion import CameraMotion
+from adatracker_deploy.perception.target.propagation import Propagation, resized
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from adatracker_deploy.messages import Frame
-    from adatracker_deploy.perception.roles import Detector, Instances, MaskHead, Masks
+    from adatracker_deploy.perception.roles import Detector, MaskHead, Masks, Propagator
 
 PERSON = "person"
 LEAST_OBSTACLE_SCORE = 0.5
@@ -38,14 +40,27 @@ class TargetSegmenter:
         detector: of people and, by any other word, of obstacles.
         mask_head: cuts people out; needed where the detector gives boxes alone.
         choice: who becomes the target, in the first frame in which there is such a person.
+        propagator: follows the target's mask, also where the detector misses the target.
+        key_frames: ask the detector only while the propagator does not see the target, for detectors that
+            are too slow for every picture. Nobody else and no obstacle is known in between.
     """
 
     needs_truth = False
 
-    def __init__(self, detector: Detector, mask_head: MaskHead | None, choice: Choice | None = None) -> None:
+    def __init__(
+        self,
+        detector: Detector,
+        mask_head: MaskHead | None,
+        choice: Choice | None = None,
+        propagator: Propagator | None = None,
+        *,
+        key_frames: bool = False,
+    ) -> None:
         self._detector = detector
         self._mask_head = mask_head
         self._choice = choice or Choice()
+        self._propagation = Propagation(propagator) if propagator else None
+        self._key_frames = key_frames
         self.reset()
 
     def reset(self) -> None:
@@ -53,6 +68,8 @@ class TargetSegmenter:
         self._lock = TargetLock()
         self._motion = CameraMotion()
         self._chosen = False
+        if self._propagation:
+            self._propagation.reset()
 
     def __call__(self, frame: Frame) -> Observation:
         """Return what is in the frame; one after the other, in the order they were taken.
@@ -60,10 +77,13 @@ class TargetSegmenter:
         Raises:
             PlatformError: the model gave what no such model gives.
         """
-        found = self._detector(frame.rgb)
+        followed = self._propagation.step(frame.rgb) if self._propagation else None
+        found = Instances.none() if followed and self._key_frames else self._detector(frame.rgb)
         kinds = np.array([word == PERSON for word in found.words], bool)
         people = found.only(np.flatnonzero(kinds))
         obstacles = found.only(np.flatnonzero(~kinds & (found.scores >= LEAST_OBSTACLE_SCORE)))
+        if followed:
+            people = followed.among(people, PERSON)
         locked = self._locked(frame, people)
         place = locked.place if locked else None
         mask = self._drawn(frame, people, obstacles, place)
@@ -105,6 +125,18 @@ class TargetSegmenter:
         return class_mask(masks, values, bottoms)
 
     def _people_masks(self, frame: Frame, people: Instances, target: int | None) -> Masks:
+        if self._propagation is None or target is None:
+            return self._cut_out(frame, people, target)
+        box = people.boxes[target]
+        mask = self._propagation.mask_of(box)
+        masks = self._cut_out(frame, people, target, known=mask is not None)
+        if mask is not None:
+            masks[target] = resized(mask, masks.shape[1:])
+        self._propagation.keep(frame.rgb, box, masks[target])
+        return masks
+
+    def _cut_out(self, frame: Frame, people: Instances, target: int | None, *, known: bool = False) -> Masks:
+        """Return everybody's mask; the target's may be wrong where it is known from elsewhere."""
         if people.masks is not None:
             return people.masks
         height, width = frame.rgb.shape[:2]
@@ -115,7 +147,9 @@ class TargetSegmenter:
             if target is not None:
                 nearest = [target, *(place for place in nearest if place != target)]
             places = np.array(nearest[:CUT_OUT], np.intp)
-            masks[places] = self._mask_head(frame.rgb, people.boxes[places], MASK_SIZE)
+            places = places[places != target] if known else places
+            if len(places):
+                masks[places] = self._mask_head(frame.rgb, people.boxes[places], MASK_SIZE)
         return masks
 
 

@@ -33,7 +33,7 @@ def open_model(
 
     Args:
         path: MODEL.onnx, with MODEL.yaml beside it where the file cannot speak for itself; or the MODEL.yaml.
-        words: what to look for; none: everything it knows. SAM2 takes none.
+        words: what to look for; none: everything it knows. SAM2 follows a mask, whatever they say.
         providers: where to run it, by preference; None: as the sidecar says, else on the processor.
         threads: for the processor's share of the work.
 
@@ -44,18 +44,14 @@ def open_model(
     sidecar_path = path if path.suffix in _YAML else beside(path)
     sidecar = None if sidecar_path is None else read_sidecar(sidecar_path)
     if sidecar is not None and sidecar.kind == "sam2":
-        model = _open_sam2(path, sidecar, words, providers, threads)
+        model = _open_sam2(path, sidecar, providers, threads)
     else:
         model = _open_detector(_model_beside(path), sidecar, words, providers, threads)
     _warm_up(model, path)
     return model
 
 
-def _open_sam2(
-    path: Path, sidecar: Sidecar, words: Sequence[str], providers: Sequence[str] | None, threads: int
-) -> Model:
-    if words:
-        raise UsageError(f"{path}: follows a mask and knows no words: give them to the detector")
+def _open_sam2(path: Path, sidecar: Sidecar, providers: Sequence[str] | None, threads: int) -> Model:
     if sorted(sidecar.graphs) != sorted(GRAPHS):
         raise UsageError(
             f"{path}: graphs: expected {', '.join(GRAPHS)}, got {', '.join(sidecar.graphs) or 'none'}"
