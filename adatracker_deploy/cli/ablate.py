@@ -25,7 +25,14 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "equal updates, score all on equal episodes, and print the ablation table. What is finished is "
         "kept: interrupted, the same command goes on.",
     )
-    parser.add_argument("--data", metavar="DIR", type=Path, action="append", required=True, help="of shards")
+    parser.add_argument(
+        "--data",
+        metavar="DIR",
+        type=Path,
+        action="append",
+        required=True,
+        help="of shards, or of such folders",
+    )
     parser.add_argument("--out", metavar="DIR", type=Path, required=True, help="a folder an arm and seed")
     parser.add_argument(
         "--arm", metavar="NAME", action="append", help="besides the whole method (default: all)"

@@ -26,7 +26,14 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         help="train a policy",
         description="Train a policy on collected data; the run can be interrupted and resumed.",
     )
-    parser.add_argument("--data", metavar="DIR", type=Path, action="append", required=True, help="of shards")
+    parser.add_argument(
+        "--data",
+        metavar="DIR",
+        type=Path,
+        action="append",
+        required=True,
+        help="of shards, or of such folders",
+    )
     parser.add_argument("--out", metavar="DIR", type=Path, required=True, help="the run's folder")
     parser.add_argument("--recipe", metavar="NAME|FILE", default="deploy", help="(default: %(default)s)")
     parser.add_argument(

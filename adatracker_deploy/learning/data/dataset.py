@@ -80,13 +80,13 @@ class Dataset:
 
     @classmethod
     def open(cls, folders: Iterable[Path]) -> Self:
-        """Load every shard of every folder.
+        """Load every shard in the folders and in what they hold, such as what a run visited.
 
         Raises:
             UsageError: there are no shards, or one is damaged or of another schema.
         """
         folders = list(folders)
-        paths = [path for folder in folders for path in sorted(folder.glob("shard-*.npz"))]
+        paths = [path for folder in folders for path in sorted(folder.rglob("shard-*.npz"))]
         if not paths:
             raise UsageError(f"no shards in {', '.join(map(str, folders))}: collect some first")
         shards = [read_shard(path) for path in paths]

@@ -175,12 +175,11 @@ class _Run:
             seed=[settings.seed, number],
             workers=self._workers,
         )
-        parts = [sorted(folder.glob("part-*")) for folder in folders]
-        visited = Dataset.open(parts[-1])
+        visited = Dataset.open(folders[-1:])
         reward = float(visited.steps.rewards.mean())
         lost = float(visited.steps.done.sum() / len(visited.specs))
         say(f"round {number}: reward {reward:.3f} a step, {lost:.1%} of the episodes lost")
-        self._dataset = Dataset.open([*self._data, *(part for folder in parts for part in folder)])
+        self._dataset = Dataset.open([*self._data, *folders])
 
     def _improve(self, end: int, curves: Curves, tell: Tell) -> None:
         """Make updates until `end`; the next batch is prepared while torch computes."""

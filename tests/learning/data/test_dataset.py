@@ -117,6 +117,7 @@ def test_shards_of_several_folders_are_one_data_set(tmp_path):
         (tmp_path / str(index)).mkdir()
         write_shard(tmp_path / str(index) / "shard-00000.npz", shard_of([record]))
     data = Dataset.open([tmp_path / "0", tmp_path / "2"])
+    assert [spec.seed for spec in Dataset.open([tmp_path]).specs] == [0, 1, 2]
     assert len(data) == 42
     assert [spec.seed for spec in data.specs] == [0, 2]
 
