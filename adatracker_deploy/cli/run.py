@@ -6,7 +6,6 @@ import argparse
 import dataclasses
 import json
 import math
-import os
 import signal
 import time
 from pathlib import Path
@@ -120,6 +119,7 @@ def _plan(args: argparse.Namespace, name: str) -> TrialPlan:
     from adatracker_deploy.platform import Scenario, load_platform
     from adatracker_deploy.policy.catalogue import load_policy
     from adatracker_deploy.profile import load_profile
+    from adatracker_deploy.trial.folder import place_for_logs
     from adatracker_deploy.trial_run import TrialPlan
 
     if args.dry_run and args.sitl:
@@ -142,7 +142,7 @@ def _plan(args: argparse.Namespace, name: str) -> TrialPlan:
     )
     if virtual:
         _check_world(scenario.scene)
-    _check_log_dir(args.log_dir)
+    place_for_logs(args.log_dir)
     segmenter, segmenter_name = _segmenter(args, profile, uri, virtual=virtual)
     return TrialPlan(
         platform=platform,
@@ -194,13 +194,6 @@ def _check_world(scene: str) -> None:
             f"a virtual world needs {error.name}: pip install 'adatracker-deploy[sitl]'"
         ) from error
     check_scene(scene)
-
-
-def _check_log_dir(log_dir: Path) -> None:
-    """See that a trial could be logged, without leaving anything behind."""
-    nearest = next(folder for folder in (log_dir.absolute(), *log_dir.absolute().parents) if folder.exists())
-    if not nearest.is_dir() or not os.access(nearest, os.W_OK):
-        raise UsageError(f"log folder {log_dir}: {nearest} cannot be written; choose another with --log-dir")
 
 
 def interrupt(*_: object) -> NoReturn:

@@ -20,6 +20,18 @@ SUMMARY_NAME = "summary.json"
 CONFIG_NAME = "config.yaml"
 
 
+def place_for_logs(log_dir: Path) -> Path:
+    """Return `log_dir`, or the nearest folder above it that exists; nothing is made.
+
+    Raises:
+        UsageError: it cannot be written to.
+    """
+    nearest = next(folder for folder in (log_dir.absolute(), *log_dir.absolute().parents) if folder.exists())
+    if not nearest.is_dir() or not os.access(nearest, os.W_OK):
+        raise UsageError(f"log folder {log_dir}: {nearest} cannot be written; choose another with --log-dir")
+    return nearest
+
+
 def new_folder(log_dir: Path, wall_ns: int, suffix: str) -> Path:
     """Make ``LOG_DIR/<UTC time>_<suffix>/`` (mode 0700), one millisecond later when the name is taken.
 

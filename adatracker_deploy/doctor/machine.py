@@ -1,0 +1,92 @@
+"""Checks of the machine itself: judged by pure functions, asked of Linux by `machine_checks`."""
+
+from __future__ import annotations
+
+import os
+import resource
+import shutil
+import time
+from pathlib import Path
+
+from adatracker_deploy.platform import Check
+
+FEWEST_CORES = 2
+"""The tracker needs one, its perception another."""
+LOG_BYTES_PER_S = 1_000_000
+"""Of a trial with 640x480 pictures at 20 Hz, about."""
+LEAST_LOG_S, FEW_LOG_S = 300, 3600
+"""Seconds of trials that must fit on the disk; and below which it is worth a word."""
+STEADY_CLOCKS = ("tsc", "arch_sys_counter", "kvm-clock", "hyperv_clocksource_tsc_page")
+"""Linux's clock sources that are read in nanoseconds, without a system call to a slow device."""
+COARSEST_CLOCK_S = 1e-6
+
+_GOVERNORS = Path("/sys/devices/system/cpu")
+_CLOCK = Path("/sys/devices/system/clocksource/clocksource0/current_clocksource")
+
+
+def machine_checks(place: Path) -> tuple[Check, ...]:
+    """Ask this machine everything that takes no time; `place` is the folder for logs."""
+    governors = {path.read_text().strip() for path in _GOVERNORS.glob("cpu[0-9]*/cpufreq/scaling_governor")}
+    return (
+        cores_check(len(os.sched_getaffinity(0)), os.getloadavg()[0]),
+        governor_check(governors),
+        realtime_check(resource.getrlimit(resource.RLIMIT_RTPRIO)[0], os.geteuid()),
+        clock_check(
+            _CLOCK.read_text().strip() if _CLOCK.exists() else None,
+            time.get_clock_info("monotonic").resolution,
+        ),
+        space_check(shutil.disk_usage(place).free, place),
+    )
+
+
+def cores_check(count: int, load: float) -> Check:
+    """Judge the cores that this process may use, and how busy they were in the last minute."""
+    if count < FEWEST_CORES:
+        return Check("cores", False, f"{count}: perception and the loop want {FEWEST_CORES}", blocking=False)
+    if load > count / 2:
+        return Check("cores", False, f"{count}, load {load:.1f}: stop what else runs here", blocking=False)
+    return Check("cores", True, f"{count}, load {load:.1f}")
+
+
+def governor_check(governors: set[str]) -> Check:
+    """Judge the names of the cores' frequency governors; none where the machine does not tell."""
+    if not governors:
+        return Check("frequency", True, "not this machine's to set")
+    ok = governors == {"performance"}
+    mend = "" if ok else ": sudo cpupower frequency-set -g performance"
+    return Check("frequency", ok, f"governor {', '.join(sorted(governors))}{mend}", blocking=False)
+
+
+def realtime_check(priority: int, user: int) -> Check:
+    """Judge whether processes of this user id may be given a real-time priority of up to `priority`."""
+    if user == 0 or priority > 0 or priority == resource.RLIM_INFINITY:
+        return Check("real-time priority", True, "allowed")
+    return Check(
+        "real-time priority",
+        False,
+        "not allowed: a line `USER - rtprio 50` in /etc/security/limits.d/rt.conf, then log in again",
+        blocking=False,
+    )
+
+
+def clock_check(source: str | None, resolution_s: float) -> Check:
+    """Judge the monotonic clock."""
+    told = f"{source or 'unknown source'}, resolution {resolution_s * 1e9:.0f} ns"
+    steady = source is None or source in STEADY_CLOCKS
+    if steady and resolution_s <= COARSEST_CLOCK_S:
+        return Check("clock", True, told)
+    return Check("clock", False, f"{told}: boot with clocksource=tsc if the processor has it", blocking=False)
+
+
+def space_check(free_bytes: int, folder: Path) -> Check:
+    """Judge the room for logs; too little refuses."""
+    left_s = free_bytes / LOG_BYTES_PER_S
+    told = f"{free_bytes / 1e9:.1f} GB free at {folder}, {left_s / 3600:.1f} h of trials"
+    if left_s >= FEW_LOG_S:
+        return Check("disk space", True, told)
+    return Check(
+        "disk space",
+        False,
+        f"{told}: remove old trials, or choose another --log-dir",
+        blocking=left_s < LEAST_LOG_S,
+    )

@@ -1,0 +1,110 @@
+"""What is fit, what could be better and what refuses, at each limit."""
+
+from __future__ import annotations
+
+import resource
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from adatracker_deploy.doctor import machine, timing
+from adatracker_deploy.doctor.timing import Lateness
+from adatracker_deploy.messages import Action
+from adatracker_deploy.policy.base import FORWARD_YAW, PolicyInfo
+from adatracker_deploy.runtime.clock import FakeClock
+
+OK, DOUBTED, REFUSED = (True, True), (False, False), (False, True)
+HERE = Path("logs")
+
+
+def verdict(check):
+    return check.ok, check.ok or check.blocking
+
+
+@pytest.mark.parametrize(
+    ("check", "expected", "words"),
+    [
+        (machine.cores_check(2, 0.3), OK, "2, load 0.3"),
+        (machine.cores_check(1, 0.0), DOUBTED, "want 2"),
+        (machine.cores_check(4, 2.1), DOUBTED, "stop what else runs here"),
+        (machine.governor_check(set()), OK, "not this machine's"),
+        (machine.governor_check({"performance"}), OK, "performance"),
+        (machine.governor_check({"performance", "powersave"}), DOUBTED, "cpupower frequency-set"),
+        (machine.realtime_check(0, 1000), DOUBTED, "rtprio 50"),
+        (machine.realtime_check(50, 1000), OK, "allowed"),
+        (machine.realtime_check(resource.RLIM_INFINITY, 1000), OK, "allowed"),
+        (machine.realtime_check(0, 0), OK, "allowed"),
+        (machine.clock_check("tsc", 1e-9), OK, "tsc"),
+        (machine.clock_check(None, 1e-9), OK, "unknown source"),
+        (machine.clock_check("hpet", 1e-9), DOUBTED, "clocksource=tsc"),
+        (machine.clock_check("tsc", 1e-2), DOUBTED, "resolution 10000000 ns"),
+        (machine.space_check(4_000_000_000, HERE), OK, "4.0 GB free at logs, 1.1 h"),
+        (machine.space_check(3_000_000_000, HERE), DOUBTED, "remove old trials"),
+        (machine.space_check(200_000_000, HERE), REFUSED, "0.2 GB"),
+        (
+            timing.lateness_check(Lateness((0.001,) * 100, 0, 0), 20),
+            OK,
+            "p99 1.0, at most 1.0 ms, no slot missed",
+        ),
+        (timing.lateness_check(Lateness((0.003,) * 100, 0, 0), 20), DOUBTED, "chrt"),
+        (timing.lateness_check(Lateness((0.001,) * 999 + (0.011,), 0, 0), 20), DOUBTED, "at most 11.0"),
+        (timing.lateness_check(Lateness((0.001,) * 100, 2, 2), 20), DOUBTED, "2 slots missed"),
+        (timing.lateness_check(Lateness((0.001,) * 100, 3, 3), 20), REFUSED, "3 slots missed"),
+        (timing.policy_check((0.002,) * 50, 10), OK, "p50 2.00, p99 2.00 ms of 100"),
+        (timing.policy_check((0.03,) * 50, 10), DOUBTED, "a smaller network"),
+        (timing.policy_check((0.06,) * 50, 10), REFUSED, "a faster machine"),
+        (timing.perception_check((0.04,) * 50), OK, "p95 40 ms"),
+        (timing.perception_check((0.15,) * 50), DOUBTED, "stop the robot"),
+        (timing.perception_check((0.35,) * 50), REFUSED, "a faster model"),
+        (timing.disk_check((0.01,) * 10), OK, "p50 10, at most 10 ms"),
+        (timing.disk_check((0.01,) * 9 + (0.2,)), DOUBTED, "--log-dir"),
+        (timing.disk_check((1.2,) * 10), REFUSED, "--log-dir"),
+        (timing.camera_check(30, (480, 640), 20), OK, "640x480 at 30.0 Hz"),
+        (timing.camera_check(14, (480, 640), 20), DOUBTED, "the policy runs at 20 Hz"),
+        (timing.camera_check(3, (480, 640), 20), REFUSED, "3.0 Hz"),
+    ],
+)
+def test_each_finding_is_judged_by_its_limit(check, expected, words):
+    assert verdict(check) == expected
+    assert words in check.message
+
+
+class Slow:
+    """Implements `Policy`: every answer takes this long by the clock it is given."""
+
+    info = PolicyInfo(name="slow", rate_hz=20.0, action=FORWARD_YAW)
+
+    def __init__(self, clock, seconds):
+        self.clock, self.seconds = clock, iter(seconds)
+
+    def reset(self, seed=0):
+        pass
+
+    def act(self, observation):
+        self.clock.advance(next(self.seconds))
+        return Action(np.zeros(2, np.float32))
+
+
+def test_a_policy_that_takes_too_long_makes_the_loop_late_and_miss_slots():
+    clock = FakeClock()
+    late = timing.measured_lateness(Slow(clock, [0, 0, 0.06, 0.23, 0, 0]), clock, 0.25)
+    # The second tick ends 60 ms after its slot: the third is 10 ms late and ends 240 ms after its own.
+    np.testing.assert_allclose(late.seconds, (0, 0, 0.010, 0, 0), atol=1e-9)
+    assert (late.missed, late.in_a_row) == (4, 4)
+
+
+def test_the_disk_is_written_where_it_is_said_and_left_as_it_was(tmp_path):
+    took = timing.measured_disk(tmp_path)
+    assert all(seconds > 0 for seconds in took)
+    assert not list(tmp_path.iterdir())
+
+
+def test_this_machine_has_an_answer_to_everything(tmp_path):
+    assert [check.name for check in machine.machine_checks(tmp_path)] == [
+        "cores",
+        "frequency",
+        "real-time priority",
+        "clock",
+        "disk space",
+    ]
