@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import dataclasses
 import json
 import math
@@ -16,7 +17,9 @@ from adatracker_deploy.errors import UsageError
 from adatracker_deploy.policy.catalogue import DEFAULT
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
+
+    from rich.console import Console
 
     from adatracker_deploy.perception.segmenter import Segmenter
     from adatracker_deploy.profile import Profile
@@ -44,6 +47,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     how.add_argument("--steps", type=_whole(1, 1_000_000), default=600, help="ticks (default: %(default)s)")
     how.add_argument("--trials", type=_whole(1, 1000), default=1, help="trials, seeds from --seed up")
     how.add_argument("--seed", type=_whole(0, 2**31 - 1), default=0, help="of the world and the simulation")
+    how.add_argument(
+        "--stop-fd",
+        type=_whole(0, 65535),
+        metavar="N",
+        help="stop when this file descriptor can be read or is closed: for buttons and other hooks",
+    )
     how.add_argument("--speed", type=_number(1, 20), help="times real time, 1 to 20; only with --sitl")
     view = parser.add_argument_group("what it sees")
     view.add_argument(
@@ -70,14 +79,49 @@ def run(args: argparse.Namespace) -> int:
     """Run the trials, show their scores, and return the exit status."""
     from rich.console import Console
 
-    from adatracker_deploy.cli import STARTED_S
-    from adatracker_deploy.cli.progress import Progress
     from adatracker_deploy.trial.summary import summarise_set, summary_table
-    from adatracker_deploy.trial_run import run_trial
 
     plans = _plans(args)
-    signal.signal(signal.SIGTERM, interrupt)
     console = Console(stderr=args.json)
+    with _stoppable(args, console):
+        summaries = _run_all(plans, console)
+    console.print(summary_table(summaries))
+    if args.json:
+        print(json.dumps(summaries[0] if len(plans) == 1 else summarise_set(summaries)))
+    outcomes = {summary["outcome"] for summary in summaries}
+    if "interrupted" in outcomes:
+        return 130
+    return 0 if outcomes.issubset(RESULTS) else 1
+
+
+@contextlib.contextmanager
+def _stoppable(args: argparse.Namespace, console: Console) -> Iterator[None]:
+    """Let the operator stop the trials: by signals, `adatracker-deploy stop`, Enter, or `--stop-fd`."""
+    from adatracker_deploy.runtime.operator_stop import heard
+    from adatracker_deploy.runtime.running import Announcement
+
+    with contextlib.closing(Announcement(args.platform)) as announcement:
+
+        def stop(*_: object) -> NoReturn:
+            announcement.stopping()
+            raise KeyboardInterrupt
+
+        before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+        try:
+            with heard(args.stop_fd) as enter:
+                if enter:
+                    console.print("Enter or Ctrl-C stops")
+                yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+
+def _run_all(plans: list[TrialPlan], console: Console) -> list[dict[str, Any]]:
+    from adatracker_deploy.cli import STARTED_S
+    from adatracker_deploy.cli.progress import Progress
+    from adatracker_deploy.trial_run import run_trial
+
     summaries: list[dict[str, Any]] = []
     started_s = STARTED_S
     for number, plan in enumerate(plans, start=1):
@@ -87,13 +131,7 @@ def run(args: argparse.Namespace) -> int:
         started_s = time.monotonic()
         if summaries[-1]["outcome"] == "interrupted":
             break
-    console.print(summary_table(summaries))
-    if args.json:
-        print(json.dumps(summaries[0] if len(plans) == 1 else summarise_set(summaries)))
-    outcomes = {summary["outcome"] for summary in summaries}
-    if "interrupted" in outcomes:
-        return 130
-    return 0 if outcomes.issubset(RESULTS) else 1
+    return summaries
 
 
 def _plans(args: argparse.Namespace) -> list[TrialPlan]:
@@ -194,11 +232,6 @@ def _check_world(scene: str) -> None:
             f"a virtual world needs {error.name}: pip install 'adatracker-deploy[sitl]'"
         ) from error
     check_scene(scene)
-
-
-def interrupt(*_: object) -> NoReturn:
-    """Take a signal for Ctrl-C."""
-    raise KeyboardInterrupt
 
 
 def _whole(low: int, high: int) -> Callable[[str], int]:

@@ -53,7 +53,6 @@ def run(args: argparse.Namespace) -> int:
     """
     from rich.console import Console
 
-    from adatracker_deploy.cli.run import interrupt
     from adatracker_deploy.messages import Frame
     from adatracker_deploy.perception.camera import without_password
     from adatracker_deploy.perception.film import FilmCamera
@@ -73,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
     segmenter, segmenter_name = open_segmenter(
         args.segmenter or EMBEDDED, args.prompt, choice, propagator=args.propagator
     )
-    signal.signal(signal.SIGTERM, interrupt)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     with contextlib.ExitStack() as stack:
         shown = _server(args, stack) if film is None or args.write is None else None
         stack.callback(camera.close)
