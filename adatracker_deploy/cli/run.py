@@ -88,6 +88,10 @@ def run(args: argparse.Namespace) -> int:
         started_s = time.monotonic()
         if summaries[-1]["outcome"] == "interrupted":
             break
+        moved = not (plan.sitl or plan.dry_run)
+        if moved and summaries[-1]["outcome"] not in RESULTS and number < len(plans):
+            console.print("no further trial: after a stop a real robot moves again only when it is told to")
+            break
     console.print(summary_table(summaries))
     if args.json:
         print(json.dumps(summaries[0] if len(plans) == 1 else summarise_set(summaries)))
