@@ -15,8 +15,8 @@ DIR holds ``video/vtest.avi`` (PETS09-S2L1, 795 frames, 7 a second), its MOT15 g
 * noise: the same runs in the terms of `world/noise.py`: how often and for how long the target has no box,
   and false people with a score of 0.5 or more.
 * speed: from a decoded frame of 640x480 to the observation, each frame in this thread; and each model alone.
-* memory: so many frames through camera, perception thread and embedded segmenter, clip after clip, each opened
-  anew as a trial does; resident memory, threads and open files on the way. Only when asked for.
+* memory: so many frames through camera, perception thread and embedded segmenter, clip after clip, each
+  opened anew as trials do it; resident memory, threads and open files on the way. Only when asked for.
 """
 
 from __future__ import annotations
@@ -275,9 +275,10 @@ def print_memory(videos: Path, frames: int) -> None:
                 last = newest
                 seen += 1
                 if seen % max(1, frames // TOLD) == 0:
+                    files = sum(1 for _ in Path("/proc/self/fd").iterdir())
                     print(
-                        f"{seen:8d}{opened:14d}{resident_mib():14.1f}{threading.active_count():9d}"
-                        f"{len(os.listdir('/proc/self/fd')):7d}{time.monotonic() - began_s:9.0f}",
+                        f"{seen:8d}{opened:14d}{resident_mib():14.1f}{threading.active_count():9d}{files:7d}"
+                        f"{time.monotonic() - began_s:9.0f}",
                         flush=True,
                     )
         camera.close()

@@ -1,8 +1,8 @@
 """Is the camera alive? A pure judge of its frames; time is passed in.
 
 A camera that hangs looks exactly like a scene in which nothing moves, and a policy that sees the past steers
-by it. So a picture that repeats the last one to the last bit is nothing new, and is as old as the first of its
-kind; and silence, a picture that goes on repeating and a size that changes each end the camera.
+by it. So a picture that repeats the last one bit by bit is nothing new and as old as the first of its kind;
+and silence, a picture that goes on repeating and a size that changes each end the camera.
 """
 
 from __future__ import annotations
