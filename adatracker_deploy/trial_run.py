@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from adatracker_deploy.dry_run import DryRun
 from adatracker_deploy.errors import PlatformError, UsageError
 from adatracker_deploy.perception.camera import ROBOT, FilmOverError, scene_of, without_password
-from adatracker_deploy.perception.pipeline import Perception, Seen
+from adatracker_deploy.perception.pipeline import Perception, Seen, refuse_hung
 from adatracker_deploy.perception.sources import open_source
 from adatracker_deploy.perception.world_camera import WorldCamera
 from adatracker_deploy.platform import ZERO
@@ -115,6 +115,7 @@ class _Trial:
     def run(self) -> dict[str, Any]:
         plan = self.plan
         profile = plan.profile
+        refuse_hung(plan.segmenter)
         if plan.sitl:
             self.progress.phase(f"starting the simulated {plan.platform.name}")
             profile = self.stack.enter_context(plan.platform.sitl(profile)).start(self.clock, plan.scenario)

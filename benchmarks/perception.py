@@ -1,6 +1,6 @@
 """Perception on real footage: people found, one person kept, and how long it takes.
 
-python benchmarks/perception.py --data DIR [--detection] [--identity] [--noise] [--speed]
+python benchmarks/perception.py --data DIR [--detection] [--identity] [--noise] [--speed] [--memory FRAMES]
 
 DIR holds ``video/vtest.avi`` (PETS09-S2L1, 795 frames, 7 a second), its MOT15 ground truth as
 ``boxes/mot15-PETS09-S2L1/gt/gt.txt``, and other clips under ``video/``.
@@ -15,11 +15,16 @@ DIR holds ``video/vtest.avi`` (PETS09-S2L1, 795 frames, 7 a second), its MOT15 g
 * noise: the same runs in the terms of `world/noise.py`: how often and for how long the target has no box,
   and false people with a score of 0.5 or more.
 * speed: from a decoded frame of 640x480 to the observation, each frame in this thread; and each model alone.
+* memory: so many frames through camera, perception thread and embedded segmenter, clip after clip, each
+  opened anew as trials do it; resident memory, threads and open files on the way. Only when asked for.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
+import os
+import threading
 import time
 from pathlib import Path
 
@@ -29,14 +34,19 @@ import numpy as np
 from adatracker_deploy.messages import Frame
 from adatracker_deploy.models import shipped
 from adatracker_deploy.perception.boxes import overlap
+from adatracker_deploy.perception.camera import FilmOverError
 from adatracker_deploy.perception.capture import Capture
+from adatracker_deploy.perception.file import FileCamera
 from adatracker_deploy.perception.models.nanodet import NanoDet
 from adatracker_deploy.perception.models.selfie import SelfieMasks
+from adatracker_deploy.perception.pipeline import Perception
+from adatracker_deploy.perception.segmenters import EMBEDDED, open_segmenter
 from adatracker_deploy.perception.target.appearance import appearances
 from adatracker_deploy.perception.target.choice import LEAST_SCORE, Choice
 from adatracker_deploy.perception.target.lock import TargetLock
 from adatracker_deploy.perception.target.motion import CameraMotion
 from adatracker_deploy.perception.target_segmenter import TargetSegmenter
+from adatracker_deploy.runtime.clock import MonotonicClock
 
 RATE_HZ = 7.0
 """Of PETS09-S2L1; the file says 10."""
@@ -45,6 +55,10 @@ LOST_FRAMES = 20
 FALSE = 0.3
 """A box that overlaps nobody by more is of no person."""
 THRESHOLDS = (0.35, 0.4, 0.45, 0.48, 0.5, 0.52, 0.55)
+TOLD = 20
+"""Lines of the memory table."""
+LOOK_HZ = 200.0
+"""How often the perception thread looks for a frame, as in a trial."""
 
 
 def main() -> None:
@@ -52,8 +66,10 @@ def main() -> None:
     parser.add_argument("--data", type=Path, required=True)
     for part in ("detection", "identity", "noise", "speed"):
         parser.add_argument(f"--{part}", action="store_true")
+    parser.add_argument("--memory", type=int, default=0, metavar="FRAMES")
     arguments = parser.parse_args()
-    every = not (arguments.detection or arguments.identity or arguments.noise or arguments.speed)
+    asked = arguments.detection, arguments.identity, arguments.noise, arguments.speed, arguments.memory
+    every = not any(asked)
     if every or arguments.detection or arguments.identity or arguments.noise:
         truth = read_truth(arguments.data / "boxes" / "mot15-PETS09-S2L1" / "gt" / "gt.txt")
         found = detect(arguments.data / "video" / "vtest.avi")
@@ -65,6 +81,8 @@ def main() -> None:
             print_noise(found, truth)
     if every or arguments.speed:
         print_speed(arguments.data / "video")
+    if arguments.memory:
+        print_memory(arguments.data / "video", arguments.memory)
 
 
 def read_truth(path: Path) -> list[dict[int, np.ndarray]]:
@@ -232,6 +250,46 @@ def print_speed(videos: Path) -> None:
             run(picture)
             times_ms.append((time.perf_counter() - began) * 1e3)
         print(f"{name:46}{np.median(times_ms):6.1f}{np.percentile(times_ms, 95):9.1f}")
+
+
+def print_memory(videos: Path, frames: int) -> None:
+    cv2.setNumThreads(1)
+    segmenter, _ = open_segmenter(EMBEDDED, "person, obstacles", Choice())
+    clock = MonotonicClock()
+    print("  frames  clips opened  resident MiB  threads  files        s")
+    seen, began_s = 0, time.monotonic()
+    for opened, video in enumerate(itertools.cycle(sorted(videos.iterdir())), start=1):
+        camera = FileCamera(video, every_frame=True)
+        camera.open()
+        segmenter.reset()
+        last = None
+        with Perception(camera, segmenter, clock, LOOK_HZ) as perception:
+            while seen < frames:
+                try:
+                    newest = perception.newest()
+                except FilmOverError:
+                    break
+                if newest is None or newest is last:
+                    time.sleep(0.002)
+                    continue
+                last = newest
+                seen += 1
+                if seen % max(1, frames // TOLD) == 0:
+                    files = sum(1 for _ in Path("/proc/self/fd").iterdir())
+                    print(
+                        f"{seen:8d}{opened:14d}{resident_mib():14.1f}{threading.active_count():9d}{files:7d}"
+                        f"{time.monotonic() - began_s:9.0f}",
+                        flush=True,
+                    )
+        camera.close()
+        if seen >= frames:
+            return
+
+
+def resident_mib() -> float:
+    """Of this process, as Linux counts it."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
 if __name__ == "__main__":

@@ -131,6 +131,10 @@ def _run_all(plans: list[TrialPlan], console: Console) -> list[dict[str, Any]]:
         started_s = time.monotonic()
         if summaries[-1]["outcome"] == "interrupted":
             break
+        moved = not (plan.sitl or plan.dry_run)
+        if moved and summaries[-1]["outcome"] not in RESULTS and number < len(plans):
+            console.print("no further trial: after a stop a real robot moves again only when it is told to")
+            break
     return summaries
 
 

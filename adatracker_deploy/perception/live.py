@@ -121,6 +121,6 @@ class LiveCamera(abc.ABC):
     def _keep(self, picture: Picture) -> None:
         seq = self._frames[0].seq + 1 if self._frames else 1
         frame = Frame(picture.rgb, picture.t_ns, seq, picture.truth)
-        self._watch.accept(frame)
-        self._frames = (frame, *self._frames[:1])
+        if self._watch.accept(frame):
+            self._frames = (frame, *self._frames[:1])
         self._decided.set()

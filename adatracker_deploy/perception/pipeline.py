@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 CLOSE_TIMEOUT_S = 5.0
 """A segmenter that does not return by then is left behind: its thread ends with the process at the latest."""
 
+_left_behind: list[tuple[Segmenter, threading.Thread]] = []
+"""Segmenters that hung when perception was closed, with the threads that were in them."""
+
 
 class Seen(NamedTuple):
     """An observation with the frame it was made from."""
@@ -38,6 +41,19 @@ def perceive(frame: Frame, segmenter: Segmenter) -> Seen:
     observation = segmenter(frame)
     check_observation(observation, frame)
     return Seen(frame, observation)
+
+
+def refuse_hung(segmenter: Segmenter) -> None:
+    """See that nobody is in the segmenter any more: two trials at once would share what it remembers.
+
+    Raises:
+        PlatformError: it hung in an earlier trial, and still does.
+    """
+    if any(hung is segmenter and thread.is_alive() for hung, thread in _left_behind):
+        raise PlatformError(
+            "the segmenter still hangs in a frame of an earlier trial: there can be no other with it; "
+            "end this program, and see why it hangs"
+        )
 
 
 class Perception:
@@ -68,6 +84,8 @@ class Perception:
         """End the thread, or leave it behind if it hangs in the segmenter; may be called twice."""
         self._ending.set()
         self._thread.join(CLOSE_TIMEOUT_S)
+        if self._thread.is_alive():
+            _left_behind.append((self._segmenter, self._thread))
 
     def __enter__(self) -> Self:
         return self

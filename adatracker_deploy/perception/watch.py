@@ -1,7 +1,8 @@
 """Is the camera alive? A pure judge of its frames; time is passed in.
 
 A camera that hangs looks exactly like a scene in which nothing moves, and a policy that sees the past steers
-by it. So silence, a picture that repeats to the last bit and a size that changes each end the camera.
+by it. So a picture that repeats the last one bit by bit is nothing new and as old as the first of its kind;
+and silence, a picture that goes on repeating and a size that changes each end the camera.
 """
 
 from __future__ import annotations
@@ -17,8 +18,10 @@ if TYPE_CHECKING:
 
 SILENT_AFTER_S = 2.0
 """Machine time without a frame after which a camera counts as gone, s."""
-FROZEN_AFTER_S = 2.0
-"""Machine time of one and the same picture after which it does: a real sensor's noise never repeats, s."""
+FROZEN_AFTER_S = 1.8
+"""Machine time of one and the same picture after which it does: a real sensor's noise never repeats, s.
+
+The loop, to which no new frame has come since, gives up after 2 s and could not say why."""
 
 
 class FrameWatch:
@@ -36,23 +39,24 @@ class FrameWatch:
         self._unchanged_s = 0.0
         """Machine time for which the newest frame's picture has been the same."""
 
-    def accept(self, frame: Frame) -> None:
-        """Take note of the next frame.
+    def accept(self, frame: Frame) -> bool:
+        """Take note of the next frame; return whether it shows anything that the last one did not.
 
         Raises:
             PlatformError: its size is another than the last one's.
         """
         last, self._last = self._last, frame
         if last is None:
-            return
+            return True
         if last.rgb.shape != frame.rgb.shape:
             was, now = (f"{rgb.shape[1]}x{rgb.shape[0]}" for rgb in (last.rgb, frame.rgb))
             raise PlatformError(f"camera {self._name}: the picture's size changed from {was} to {now} px")
         # Before its people may go, a rehearsal stands still.
         if frame.truth is None and np.array_equal(last.rgb, frame.rgb):
             self._unchanged_s += (frame.t_ns - last.t_ns) / 1e9 / self._speed
-        else:
-            self._unchanged_s = 0.0
+            return False
+        self._unchanged_s = 0.0
+        return True
 
     def refuse_dead(self, now_ns: int) -> None:
         """See that frames come, and that they change; there is nothing to see before the first.

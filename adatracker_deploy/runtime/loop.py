@@ -20,8 +20,10 @@ if TYPE_CHECKING:
     from adatracker_deploy.perception.pipeline import Seen
     from adatracker_deploy.runtime.clock import Clock
 
-STALE_OBSERVATION_S = 0.3
-"""An older observation is not acted on: zero is sent, and the step counts as lost. Machine time."""
+STALE_OBSERVATION_S = 0.22
+"""An older observation is not acted on: zero is sent, and the step counts as lost. Machine time.
+
+With a tick at 20 Hz and a slot of the link's on top, zero is on the wire 0.3 s after the last frame."""
 BLIND_S = 2.0
 """Without a fresh observation for this long the trial ends. Machine time."""
 

@@ -188,6 +188,19 @@ def test_a_size_that_changes_ends_the_camera(server, opened):
     assert "size changed from 64x48 to 80x60" in error_of(camera)
 
 
+def test_a_picture_that_repeats_is_as_old_as_the_first_of_its_kind(server, opened):
+    server.publish(Frame(picture(), 0, 1))
+    camera = opened(server.url)
+    first = newest(camera)
+    for number in range(2, 5):
+        last = camera._watch._last
+        server.publish(Frame(picture(), 0, number))
+        until(lambda last=last: camera._watch._last is not last)  # it came
+        assert newest(camera) is first
+    server.publish(Frame(picture(1), 0, 9))
+    assert until(lambda: (frame := newest(camera)) is not first and frame).seq == 2
+
+
 @pytest.mark.parametrize(
     "damaged",
     [

@@ -12,7 +12,7 @@ from streams import until
 from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.messages import Box, Frame, Observation
 from adatracker_deploy.perception import pipeline
-from adatracker_deploy.perception.pipeline import Perception, perceive
+from adatracker_deploy.perception.pipeline import Perception, perceive, refuse_hung
 from adatracker_deploy.perception.segmenter import TruthSegmenter, check_observation
 from adatracker_deploy.runtime.clock import FakeClock
 
@@ -162,6 +162,33 @@ def test_the_loop_never_waits_for_a_segmenter_that_stalls(monkeypatch):
     mended.set()
     perception._thread.join(10)
     assert not perception._thread.is_alive()
+
+
+def test_a_segmenter_that_hung_is_no_other_trials_until_it_returns(monkeypatch):
+    monkeypatch.setattr(pipeline, "CLOSE_TIMEOUT_S", 0.05)
+    hung, mended = threading.Event(), threading.Event()
+
+    def hangs(frame):
+        hung.set()
+        mended.wait(30)
+        return good(frame)
+
+    refuse_hung(hangs)
+    perception = Perception(Still(), hangs, FakeClock(), 20.0)
+    assert hung.wait(10)
+    perception.close()
+    with pytest.raises(PlatformError, match="the segmenter still hangs in a frame of an earlier trial"):
+        refuse_hung(hangs)
+    refuse_hung(good)
+    mended.set()
+    perception._thread.join(10)
+    refuse_hung(hangs)
+
+
+def test_a_segmenter_that_did_not_hang_is_the_next_trials():
+    with Perception(Still(), good, FakeClock(), 20.0) as perception:
+        until(perception.newest)
+    refuse_hung(good)
 
 
 def test_frame_and_observation_come_together():

@@ -14,7 +14,7 @@ import pytest
 import zenoh
 from hypothesis import given
 from hypothesis import strategies as st
-from streams import until
+from streams import handles, until
 
 from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.perception.compressed_image import (
@@ -196,3 +196,25 @@ def test_nobody_there_is_said_in_two_seconds(port):
         camera.open()
     assert time.monotonic() - began_s < 2.5
     assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.slow
+def test_thirty_cameras_one_after_the_other_leave_no_thread_and_no_file(robot, port):
+    ended = threading.Event()
+
+    def shoot():
+        while not ended.wait(0.01):
+            robot.shoot()
+
+    shooting = threading.Thread(target=shoot, daemon=True)
+    shooting.start()
+    before = None
+    for cycle in range(35):
+        if cycle == 5:  # Zenoh's own threads have begun
+            before = handles()
+        camera = open_source(f"zenoh://127.0.0.1:{port}/{KEY}", CLOCK)
+        camera.open()
+        camera.close()
+    ended.set()
+    shooting.join()
+    until(lambda: all(now <= then for now, then in zip(handles(), before, strict=True)))

@@ -66,7 +66,7 @@ def test_after_a_gap_the_policy_was_not_asked_about_what_was_too_old():
     cadence = Cadence(policy)
     cadence.act(at(0, 1))
     cadence.act(at(1_000_000_000, 2))
-    assert policy.given == [1] * 7 + [2]  # ticks from 0 to 0.3 s, and that at 1.0 s
+    assert policy.given == [1] * 5 + [2]  # ticks from 0 to 0.2 s, and that at 1.0 s
     cadence.act(at(2_010_000_000, 3))
     assert cadence.act(at(2_020_000_000, 4)) is None
     assert cadence.act(at(2_060_000_000, 5)) is not None

@@ -37,7 +37,8 @@ def appearances(picture: Picture, boxes: Boxes) -> NDArray[np.float32]:
 
 def likeness(looks: NDArray[np.float32], other: Appearance) -> NDArray[np.float32]:
     """Return how alike each of `looks` (n, 3, 128) is to `other`, 0 to 1: mean Bhattacharyya coefficient."""
-    return np.asarray(np.einsum("nsb,sb->n", looks, other) / len(_STRIPES), np.float32)
+    alike = np.asarray(np.einsum("nsb,sb->n", looks, other) / len(_STRIPES), np.float32)
+    return np.minimum(alike, np.float32(1))  # roots are rounded: the same look may come out as a hair more
 
 
 def mixed(old: Appearance, new: Appearance, share: float) -> Appearance:

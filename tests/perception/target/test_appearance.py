@@ -86,8 +86,17 @@ def test_wherever_a_box_is_the_look_is_whole_and_the_likeness_is_a_share(places,
     boxes = np.array([(x, y, x + w, y + h) for x, y, w, h in places], np.float32)
     looks = appearances(picture, boxes)
     np.testing.assert_allclose(np.linalg.norm(looks, axis=2), 1, atol=1e-5)
-    assert ((likeness(looks, looks[0]) >= 0) & (likeness(looks, looks[0]) <= 1 + 1e-5)).all()
+    for look_ in looks:
+        assert ((likeness(looks, look_) >= 0) & (likeness(looks, look_) <= 1)).all()
     assert likeness(looks, looks[0])[0] == pytest.approx(1, abs=1e-5)
+
+
+def test_nothing_is_more_alike_than_the_same_again():
+    """By as little as a rounded root, and the observation would be refused."""
+    for seed in range(20):
+        picture = np.random.default_rng(seed).integers(0, 256, (120, 200, 3)).astype(np.uint8)
+        same = appearances(picture, np.array([(20, 10, 80, 110)], np.float32))
+        assert 1 - 1e-6 < likeness(same, same[0])[0] <= 1
 
 
 @pytest.mark.parametrize("corner", [(0, 0), (199, 0), (0, 119), (199, 119), (60, 60)])

@@ -49,7 +49,7 @@ def lawful(said):
     for sight, answer in said:
         assert (answer.place is None) == (answer.state in (COASTING, LOST))
         assert answer.place is None or 0 <= answer.place < len(sight.boxes)
-        assert 0 <= answer.likeness <= 1 + 1e-6
+        assert 0 <= answer.likeness <= 1
         assert answer.place is not None or answer.likeness == 0
 
 
