@@ -13,6 +13,7 @@ import tempfile
 import time
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from adatracker_deploy.geometry import Pose
@@ -70,13 +71,15 @@ def write_trial(folder: Path) -> None:
         "trial": about | {"steps": str(STEPS), "started": "2026-01-01T12:00:00+00:00", "run_clock_ns": "0"},
         "config": {"yaml": "seed: 0\n"},
     }
-    coarse = rng.integers(0, 255, (STEPS // 100, HEIGHT // 8, WIDTH // 8, 3), np.uint8)
+    coarse = rng.integers(0, 255, (STEPS // 100 + 1, HEIGHT // 16, WIDTH // 16, 3), np.uint8)
+    grain = rng.integers(0, 12, (HEIGHT, WIDTH, 3), np.uint8)
     mask = np.zeros((HEIGHT, WIDTH), np.uint8)
     mask[120:360, 260:380] = MaskClass.TARGET
     with (folder / FILE_NAME).open("wb") as stream:
         trial = TrialFile(stream, metadata)
-        for number in range(STEPS):
-            picture = np.roll(coarse[number // 100].repeat(8, 0).repeat(8, 1), number, axis=1)
+        for number in range(STEPS + 1):
+            smooth = cv2.resize(coarse[number // 100], (WIDTH, HEIGHT), interpolation=cv2.INTER_CUBIC)
+            picture = cv2.add(np.roll(smooth, number, axis=1), grain)
             wall_ns = 1_767_268_800_000_000_000 + number * 50_000_000
             trial.picture(wall_ns, wall_ns, number, picture, mask)
             trial.step(wall_ns, wall_ns, step(number, rng))

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from adatracker_deploy.report.envelope import envelope
-from adatracker_deploy.report.markup import Html, tag
+from adatracker_deploy.report.markup import Html, join, tag
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -38,6 +38,17 @@ class Curve:
     """Its class in the style sheet."""
     values: Floats
     """One a step; NaN where there is none."""
+
+
+@dataclass(frozen=True, slots=True)
+class Band:
+    """When something held."""
+
+    name: str
+    look: str
+    stretches: Sequence[Stretch]
+    rare: bool = False
+    """Drawn wide enough to be seen however short it was."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,15 +101,20 @@ def strip(
     return _row(name, unit, _plot(name, *inside), (number(high), number(low)), *keys)
 
 
-def lanes(name: str, span: Span, states: Mapping[str, tuple[str, Sequence[Stretch]]]) -> Html:
-    """Draw what held when as a band: by name, its look and its stretches."""
+def lane(name: str, span: Span, bands: Sequence[Band]) -> Html:
+    """Draw what held when as one row, later bands over earlier ones; those that never held are left out."""
+    held = [band for band in bands if band.stretches]
     drawn = [
-        tag("path", d=bars(stretches, span.length_s), class_=look)
-        for look, stretches in states.values()
-        if stretches
+        tag(
+            "path",
+            d=bars(band.stretches, span.length_s, _LEAST_WIDTH if band.rare else 0.0),
+            class_=band.look,
+        )
+        for band in held
     ]
-    keys = [key(state, look) for state, (look, stretches) in states.items() if stretches]
-    return _row(name, "", _plot(name, *drawn, class_="lane"), None, *keys)
+    return _row(
+        name, "", _plot(name, *drawn, class_="lane"), None, *(key(band.name, band.look) for band in held)
+    )
 
 
 def time_axis(length_s: float) -> Html:
@@ -134,8 +150,8 @@ def histogram(name: str, counts: Sequence[int], marks: Mapping[str, float]) -> H
     return tag("div", plot, *labels, class_="marked")
 
 
-def stairs(name: str, curves: Sequence[Stairs], last: float, keys: Sequence[Html]) -> Html:
-    """Draw stairs that fall from 1 at the left; `last` is the right edge."""
+def stairs(name: str, curves: Sequence[Stairs], last: float, unit: str, keys: Sequence[Html]) -> Html:
+    """Draw stairs that fall from 1 at the left; `last` is the right edge, in `unit`."""
     drawn = [tag("path", d=f"M0 {HEIGHT / 2:g}H{WIDTH:g}", class_="wanted")]
     for stair in curves:
         path = "".join(
@@ -143,7 +159,8 @@ def stairs(name: str, curves: Sequence[Stairs], last: float, keys: Sequence[Html
             for place, (at, share) in enumerate(stair.corners)
         )
         drawn.append(tag("path", d=f"{path}H{WIDTH * stair.end / last:.1f}", class_=stair.look))
-    return _row(name, "", _plot(name, *drawn, class_="tall"), ("1", "0"), *keys)
+    ends = tag("div", tag("span", "0"), tag("span", f"{number(last)} {unit}"), class_="ends")
+    return _row(name, "", join((_plot(name, *drawn, class_="tall"), ends)), ("1", "0"), *keys)
 
 
 def sparkline(times_s: Floats, values: Floats, length_s: float) -> Html:
@@ -152,19 +169,25 @@ def sparkline(times_s: Floats, values: Floats, length_s: float) -> Html:
     return _plot("R over time", tag("path", d=_line(values, span, 0.0, 1.0), class_="c-main"))
 
 
-def bars(stretches: Sequence[Stretch], length_s: float, top: float = 0.0, bottom: float = HEIGHT) -> str:
+def bars(
+    stretches: Sequence[Stretch],
+    length_s: float,
+    least_width: float = _LEAST_WIDTH,
+    top: float = 0.0,
+    bottom: float = HEIGHT,
+) -> str:
     """Return stretches of time as the path of upright bars, those that would touch as one."""
     merged: list[list[float]] = []
     for stretch in stretches:
         start, end = (WIDTH * time_s / length_s for time_s in stretch)
-        end = max(end, start + _LEAST_WIDTH)
-        if merged and start - merged[-1][1] < _LEAST_WIDTH / 2:
+        end = max(end, start + least_width)
+        if merged and start - merged[-1][1] <= least_width / 2:
             merged[-1][1] = max(end, merged[-1][1])
         else:
             merged.append([start, end])
     tall = bottom - top
     return "".join(
-        f"M{start:.1f} {top:g}h{end - start:.1f}v{tall:g}h{start - end:.1f}z" for start, end in merged
+        f"M{start:.2f} {top:g}h{end - start:.2f}v{tall:g}h{start - end:.2f}z" for start, end in merged
     )
 
 
@@ -220,7 +243,7 @@ def _shading(span: Span) -> list[Html]:
         shaded.append(tag("path", d=bars(span.lost, span.length_s), class_="lost"))
     if span.stopped:
         shaded.append(tag("path", d=bars(span.stopped, span.length_s), class_="stopped"))
-        shaded.append(tag("path", d=bars(span.stopped, span.length_s, 0.0, 8.0), class_="stopped-edge"))
+        shaded.append(tag("path", d=bars(span.stopped, span.length_s, bottom=8.0), class_="stopped-edge"))
     return shaded
 
 

@@ -36,7 +36,9 @@ def events_section(events: Sequence[Event]) -> Html:
     ]
     more = len(events) - SHOWN_EVENTS
     note = tag("p", f"{more} more are in the log.", class_="faint") if more > 0 else None
-    return section("Events", table(("from the first tick", "level", "what"), rows, class_="events"), note)
+    return section(
+        "Events", table(("from the first tick", "level", "what"), rows, class_="events"), note, class_="long"
+    )
 
 
 def completeness(trial: Trial) -> Html:
@@ -84,4 +86,4 @@ def origin(trial: Trial) -> Html:
     details = tag(
         "details", tag("summary", "whole configuration"), tag("pre", shortened(whole, LONGEST_CONFIG))
     )
-    return section("Origin", table(("what", "value"), cells, class_="origin"), details)
+    return section("Origin", table(("what", "value"), cells, class_="origin"), details, class_="long")

@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from adatracker_deploy.report.charts import (
+    COLUMNS,
+    Band,
     Curve,
     Span,
     histogram,
     key,
-    lanes,
+    lane,
     nice_above,
     number,
     strip,
@@ -43,7 +45,8 @@ _TARGET_LOOKS = {
     "lost": "s-bad",
 }
 _MODE_LOOKS = ("s-a", "s-b", "s-c", "s-d")
-_LEVEL_LOOKS = {"error": "s-bad", "warning": "s-fair"}
+_LEVEL_LOOKS = {"info": "s-a", "warning": "s-fair", "error": "s-bad"}
+_USUAL = ("seen", "tracked")
 
 
 def over_time(report: Report, cols: Columns) -> list[Html]:
@@ -62,30 +65,39 @@ def _timeline(report: Report, cols: Columns, span: Span) -> Html:
     steps = report.trial.steps
     target = _states(cols, [step.target or ("seen" if step.box else "lost") for step in steps])
     modes = _states(cols, [step.mode or "unnamed" for step in steps])
-    looks = {mode: _MODE_LOOKS[min(place, len(_MODE_LOOKS) - 1)] for place, mode in enumerate(modes)}
-    gate: dict[str, tuple[str, Sequence[Stretch]]] = {
-        "obeyed": ("s-good", cols.stretches(~cols.stopped & ~cols.limited)),
-        "kept inside the limits": ("s-fair", cols.stretches(cols.limited & ~cols.stopped)),
-        "command withheld": ("s-bad", span.stopped),
-    }
-    notes: dict[str, tuple[str, Sequence[Stretch]]] = {
-        level: (_LEVEL_LOOKS.get(level, "s-a"), found)
-        for level in ("info", "warning", "error")
-        if (found := _at(report.events, level, span.length_s))
-    }
-    missed = cols.stretches(cols.missed)
-    if missed:
-        notes["missed deadline"] = ("s-b", missed)
+    whole = [Stretch(0.0, span.length_s)]
+    gate = [
+        Band("obeyed", "s-good", [] if (cols.limited | cols.stopped).all() else whole),
+        Band("kept inside the limits", "s-fair", cols.stretches(cols.limited & ~cols.stopped)),
+        Band("command withheld", "s-bad", span.stopped, rare=True),
+    ]
+    notes = [
+        Band(level, look, _at(report.events, level, span.length_s), rare=True)
+        for level, look in _LEVEL_LOOKS.items()
+    ]
+    notes.append(Band("missed deadline", "s-b", cols.stretches(cols.missed), rare=True))
     return section(
         "Timeline",
-        lanes(
-            "target", span, {name: (_TARGET_LOOKS.get(name, "s-d"), found) for name, found in target.items()}
+        lane(
+            "target",
+            span,
+            [
+                Band(name, _TARGET_LOOKS.get(name, "s-d"), target[name], rare=name not in _USUAL)
+                for name in sorted(target, key=lambda name: name not in _USUAL)
+            ],
         ),
-        lanes("gate", span, gate),
-        lanes(
-            "robot's mode", span, {shortened(name, 40): (looks[name], found) for name, found in modes.items()}
+        lane("gate", span, gate),
+        lane(
+            "robot's mode",
+            span,
+            [
+                Band(
+                    shortened(name, 40), _MODE_LOOKS[min(place, len(_MODE_LOOKS) - 1)], found, rare=place > 0
+                )
+                for place, (name, found) in enumerate(modes.items())
+            ],
         ),
-        lanes("events", span, notes) if notes else None,
+        lane("events", span, notes) if any(band.stretches for band in notes) else None,
         time_axis(span.length_s),
     )
 
@@ -123,7 +135,11 @@ def _tracking(cols: Columns, span: Span, steps: Sequence[StepRecord]) -> Html:
         charts.append(
             strip("bearing", span, [Curve("", "c-main", bearing)], -wide, wide, wanted=0.0, unit="deg")
         )
-    return section("Tracking", *charts, time_axis(span.length_s), _shades(span))
+    note = None
+    if len(steps) > 3 * COLUMNS:
+        words = f"Curves of so many steps show the least and the greatest value of each of {COLUMNS} columns."
+        note = tag("p", words, class_="faint")
+    return section("Tracking", *charts, time_axis(span.length_s), _shades(span), note)
 
 
 def _shades(span: Span) -> Html | None:
@@ -178,8 +194,12 @@ def _latency(cols: Columns, report: Report) -> Html:
     beyond = int((values > edge).sum())
     period_ms = cols.period_s * 1e3
     ends = tag("div", tag("span", "0 ms"), tag("span", f"{number(edge)} ms"), class_="ends")
-    marks = {f"p50 {p50:.1f} ms": p50 / edge, f"p99 {p99:.1f} ms": p99 / edge, "period": period_ms / edge}
-    text = f"{values.size} ticks. The longest took {most:.1f} ms; a period is {period_ms:.0f} ms."
+    marks = {
+        f"p50 {p50:.1f} ms": p50 / edge,
+        f"p99 {p99:.1f} ms": p99 / edge,
+        f"period {period_ms:.0f} ms": period_ms / edge,
+    }
+    text = f"{values.size} ticks. The longest took {most:.1f} ms."
     if beyond:
         text += f" {beyond} of {values.size} ticks took longer than is drawn."
     missed = report.summary["missed_deadlines"]

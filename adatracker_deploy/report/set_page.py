@@ -69,8 +69,9 @@ def _points(groups: dict[str, list[Summary]]) -> Html:
         tag(
             "p",
             "A ring is a trial, the line their mean, the bar its 95 % interval: Student's t for MR and EL, "
-            "Wilson's for the share of completed trials (SR); bars end where nothing is possible. A single "
-            "trial bounds no mean. EL ends at the horizon: where trials were completed its mean is too small.",
+            "Wilson's for the share of completed trials (SR); bars end where nothing is possible. A "
+            "single trial bounds no mean. EL ends at the horizon, so that its mean is too small where trials "
+            "were completed.",
             class_="faint",
         ),
     )
@@ -100,13 +101,11 @@ def _dots(
         rings = [tag("i", class_="dot", style=f"left:{100 * one / most:.2f}%") for one in values]
         said = f"{found.value:.{digits}f}"
         said += f" [{low:.{digits}f}, {high:.{digits}f}]" if bounded else ""
-        rows += [
-            tag("span", name, tag("small", f" n = {len(values)}")),
-            tag("div", bar if bounded else None, mean, *rings, class_="track"),
-            tag("span", said, class_="value"),
-        ]
+        track = tag("div", bar if bounded else None, mean, *rings, class_="track")
+        title = tag("span", name, tag("small", f" n = {len(values)}"))
+        rows.append(tag("div", title, track, tag("span", said, class_="value"), class_="dots"))
     ends = tag("div", tag("span", "0"), tag("span", number(most)), class_="ends")
-    return tag("div", *rows, ends, class_="dots")
+    return tag("div", *rows, tag("div", ends, class_="dots"))
 
 
 def _survival(groups: dict[str, list[Summary]]) -> Html:
@@ -121,16 +120,11 @@ def _survival(groups: dict[str, list[Summary]]) -> Html:
         keys.append(key(f"{name}: n = {len(rows)}, {reached} reached the horizon", look))
     return section(
         "How long they followed",
-        stairs("share of trials still following", curves, last, keys),
-        tag(
-            "div",
-            tag("div", tag("span", "0"), tag("span", f"{last} steps"), class_="ends"),
-            class_="row last",
-        ),
+        stairs("share of trials still following", curves, last, "steps", keys),
         tag(
             "p",
-            "After Kaplan and Meier: every outcome but completed ends a trial; one that reached its horizon "
-            "counts up to there and says nothing about later. A line ends with the longest trial of its group.",
+            "After Kaplan and Meier: every outcome but completed ends a trial; one that reached its "
+            "horizon counts up to there and says nothing about later. A line ends with its longest trial.",
             class_="faint",
         ),
     )
@@ -170,4 +164,4 @@ def _trials(reports: Sequence[Report]) -> Html:
                 tag("code", shortened(report.trial.path.parent.name, _LONGEST_NAME)),
             )
         )
-    return section("Trials", table(head, rows, class_="trials"))
+    return section("Trials", table(head, rows, class_="trials"), class_="long")
