@@ -62,6 +62,7 @@ def _parser(*, with_commands: bool) -> argparse.ArgumentParser:
         evaluate,
         filmstrip,
         lists,
+        report,
         run,
         score,
         stop,
@@ -79,6 +80,6 @@ def _parser(*, with_commands: bool) -> argparse.ArgumentParser:
     if not with_commands:
         return parser
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", parser_class=_Parser)
-    for module in (doctor, stop, view, score, filmstrip, evaluate, collect, train, ablate, lists):
+    for module in (doctor, stop, view, score, report, filmstrip, evaluate, collect, train, ablate, lists):
         module.add_parser(commands)
     return parser

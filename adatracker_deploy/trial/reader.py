@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import json
-import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -16,26 +15,23 @@ import yaml
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from google.protobuf.message import DecodeError
-from mcap.exceptions import EndOfFile, InvalidMagic, McapError, RecordLengthLimitExceeded
-from mcap.records import Channel, Footer, McapRecord, Message, Metadata
-from mcap.stream_reader import StreamReader
+from mcap.exceptions import McapError
+from mcap.records import Footer, Metadata
 from mcap.writer import MCAP0_MAGIC
 
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.trial.folder import FILE_NAME, PART_NAME
 from adatracker_deploy.trial.mask_png import decode_mask
+from adatracker_deploy.trial.scan import whole_records
 from adatracker_deploy.trial.step_json import STEP_FORMAT, step_from_json
 
 if TYPE_CHECKING:
-    from collections.abc import Container, Iterator
+    from collections.abc import Callable, Container, Iterator
 
     from numpy.typing import NDArray
 
     from adatracker_deploy.messages import ClassMask
     from adatracker_deploy.trial.record import StepRecord
-
-RECORD_SIZE_LIMIT = 64 << 20
-"""A record that claims more, bytes, is damage."""
 
 
 class LoggedEvent(NamedTuple):
@@ -71,6 +67,10 @@ class Trial:
     events: tuple[LoggedEvent, ...]
     complete: bool
     """The file has its end; a truncated one was read up to its last whole record."""
+    about: Mapping[str, str]
+    """When and with which versions it was written."""
+    frame_seqs: frozenset[int]
+    """Of the frames that are in the log."""
 
     def frames(self, wanted: Container[int] | None = None) -> Iterator[LoggedFrame]:
         """Read the frames whose sequence number is wanted (by default all), in order, one at a time.
@@ -78,8 +78,12 @@ class Trial:
         A damaged frame is left out.
         """
         jpeg = b""
-        for topic, record in _records(self.path):
-            if topic not in ("/camera", "/mask") or (wanted is not None and record.sequence not in wanted):
+
+        def is_wanted(topic: str, seq: int) -> bool:
+            return topic in ("/camera", "/mask") and (wanted is None or seq in wanted)
+
+        for topic, record in _records(self.path, is_wanted):
+            if not topic or not is_wanted(topic, record.sequence):
                 continue
             if topic == "/camera":  # its mask is the next record
                 jpeg = record.data
@@ -98,13 +102,16 @@ def read_trial(path: Path) -> Trial:
     metadata: dict[str, Mapping[str, str]] = {}
     steps: list[StepRecord] = []
     events: list[LoggedEvent] = []
+    frame_seqs: set[int] = set()
     complete = False
     try:
-        for topic, record in _records(file):
+        for topic, record in _records(file, lambda topic, _: topic in ("/step", "/log")):
             if isinstance(record, Metadata):
                 metadata[record.name] = record.metadata
             elif isinstance(record, Footer):
                 complete = True
+            elif topic == "/camera":
+                frame_seqs.add(record.sequence)
             elif topic == "/step":
                 steps.append(step_from_json(record.data))
             elif topic == "/log":
@@ -124,6 +131,8 @@ def read_trial(path: Path) -> Trial:
             steps=tuple(sorted(steps, key=lambda step: step.step)),
             events=tuple(events),
             complete=complete,
+            about=about,
+            frame_seqs=frozenset(frame_seqs),
         )
     except (KeyError, TypeError, ValueError, DecodeError, yaml.YAMLError) as error:
         raise UsageError(f"{file}: not a trial of this toolkit ({_one_line(error)})") from error
@@ -152,21 +161,17 @@ def _trial_file(path: Path) -> Path:
     raise UsageError(f"{path}: {missing}")
 
 
-def _records(path: Path) -> Iterator[tuple[str, Any]]:
-    """Give each record with its topic (empty where it has none), up to the last whole one.
+def _records(path: Path, wanted: Callable[[str, int], bool]) -> Iterator[tuple[str, Any]]:
+    """Give each record with its topic, up to the last whole one; data of messages only where they are wanted.
 
     Raises:
         UsageError: the file cannot be read, or is not MCAP.
     """
-    topics: dict[int, str] = {}
     try:
         with path.open("rb") as stream:
             if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
                 raise UsageError(f"{path}: not an MCAP file")
-            for record in _until_truncated(stream):
-                if isinstance(record, Channel):
-                    topics[record.id] = record.topic
-                yield topics.get(record.channel_id, "") if isinstance(record, Message) else "", record
+            yield from whole_records(stream, wanted)
     except (OSError, McapError) as error:
         raise UsageError(f"{path}: cannot be read ({_one_line(error)})") from error
 
@@ -176,14 +181,6 @@ def _frame(seq: int, camera: bytes, mask: bytes) -> LoggedFrame:
     jpeg = np.frombuffer(CompressedImage.FromString(camera).data, np.uint8)
     rgb = cv2.cvtColor(cv2.imdecode(jpeg, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
     return LoggedFrame(seq, rgb, decode_mask(CompressedImage.FromString(mask).data))
-
-
-def _until_truncated(stream: IO[bytes]) -> Iterator[McapRecord]:
-    """Give the whole records; what a truncated file's last bytes look like is any of these errors."""
-    with contextlib.suppress(
-        EndOfFile, RecordLengthLimitExceeded, InvalidMagic, struct.error, UnicodeDecodeError
-    ):
-        yield from StreamReader(stream, skip_magic=True, record_size_limit=RECORD_SIZE_LIMIT).records
 
 
 def _one_line(error: Exception) -> str:

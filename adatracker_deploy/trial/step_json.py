@@ -16,9 +16,12 @@ import math
 import textwrap
 import types
 import typing
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from adatracker_deploy.trial.record import StepRecord
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 STEP_SCHEMA_NAME = "adatracker.Step"
 STEP_FORMAT = 1
@@ -39,7 +42,7 @@ def step_from_json(data: bytes) -> StepRecord:
         ValueError: it is not JSON, or a field is missing or of another type.
     """
     try:
-        record: StepRecord = _build(StepRecord, json.loads(data))
+        record: StepRecord = _builder(StepRecord)(json.loads(data))
     except (KeyError, TypeError, AttributeError) as error:
         raise ValueError(f"not a step record: {error}") from error
     return record
@@ -63,21 +66,30 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def _build(hint: Any, value: Any) -> Any:
+@functools.cache
+def _builder(hint: Any) -> Callable[[Any], Any]:
+    """Return what turns a JSON value into a value of this type; made once, for an hour has 72,000 steps."""
     hint, _ = _without_none(hint)
     if dataclasses.is_dataclass(hint) and isinstance(hint, type):
-        hints = _hints(hint)
-        absent = {name for name, item in hints.items() if _without_none(item)[1] and name not in value}
-        return hint(
-            **{name: None if name in absent else _build(item, value[name]) for name, item in hints.items()}
+        fields = [(name, _without_none(item)[1], _builder(item)) for name, item in _hints(hint).items()]
+        return lambda value: hint(
+            **{
+                name: None if optional and name not in value else build(value[name])
+                for name, optional, build in fields
+            }
         )
     if typing.get_origin(hint) is tuple:
-        return tuple(_build(typing.get_args(hint)[0], item) for item in value)
+        build_item = _builder(typing.get_args(hint)[0])
+        return lambda value: tuple(map(build_item, value))
     if hint is float:
-        return float(value)
-    if not isinstance(value, hint):
-        raise TypeError(f"expected {hint.__name__}, got {value!r}")
-    return value
+        return float
+
+    def checked(value: Any) -> Any:
+        if not isinstance(value, hint):
+            raise TypeError(f"expected {hint.__name__}, got {value!r}")
+        return value
+
+    return checked
 
 
 @functools.cache

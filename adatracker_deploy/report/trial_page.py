@@ -1,0 +1,97 @@
+"""The page of one trial."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from adatracker_deploy.report.charts import clock
+from adatracker_deploy.report.markup import Html, tag
+from adatracker_deploy.report.origin import LONGEST_TEXT, completeness, events_section, origin
+from adatracker_deploy.report.over_time import over_time
+from adatracker_deploy.report.page import badge, figure, page, picture, section, shortened, tiles
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from adatracker_deploy.report.gather import Moment, Report
+    from adatracker_deploy.trial.reader import Trial
+
+
+def trial_page(report: Report, moments: Sequence[Moment]) -> str:
+    """Return the page of a trial.
+
+    Args:
+        report: the trial.
+        moments: its pictures.
+    """
+    trial = report.trial
+    if report.columns is None:
+        shown = [section("Over time", tag("p", "There is not a single step in this log."))]
+    else:
+        shown = over_time(report, report.columns)
+    last = [events_section(report.events), completeness(trial), origin(trial)]
+    parts = [_heading(report), _figures(report), _moments(moments), *shown, *last]
+    return page(f"{trial.platform} {trial.policy}: {report.summary['outcome']}", *parts)
+
+
+def _heading(report: Report) -> Html:
+    trial, summary = report.trial, report.summary
+    kind = {"sitl": "rehearsal in simulation", "dry": "dry run", "real": "real robot"}.get(
+        trial.kind, trial.kind
+    )
+    reason = (
+        tag("p", shortened(summary["reason"], LONGEST_TEXT), class_="reason") if summary["reason"] else None
+    )
+    cut = None
+    if not trial.complete:
+        cut = tag("p", "This log was cut short; what follows is what it holds up to its last whole record.")
+    return tag(
+        "header",
+        tag("p", "Trial report", class_="kicker"),
+        tag("h1", f"{trial.platform}, {trial.policy} ", badge(summary["outcome"])),
+        reason,
+        tag("p", f"{kind}, {_started(trial)}, ", tag("code", str(trial.path.parent)), class_="faint"),
+        cut,
+    )
+
+
+def _started(trial: Trial) -> str:
+    return trial.about.get("started", "at an unknown time").replace("T", " ")[:19] + " UTC"
+
+
+def _figures(report: Report) -> Html:
+    summary = report.summary
+    latency = summary["latency_ms"]
+    values = [
+        ("MR", figure(summary["mr"], 3), "lost steps count 0"),
+        ("MR while seen", figure(summary["mr_visible"], 3), ""),
+        ("visibility", f"{summary['visibility']:.0%}", "of the steps"),
+        ("EL", f"{summary['el']}", f"of {summary['steps']} steps"),
+        ("duration", figure(summary["seconds"], 1, "s"), f"at {figure(summary['rate_hz'], 2, 'Hz')}"),
+        (
+            "sensor to command",
+            figure(latency["p50"], 0, "ms"),
+            f"p99 {figure(latency['p99'], 0)}, most {figure(latency['max'], 0)}",
+        ),
+        ("missed deadlines", f"{summary['missed_deadlines']}", ""),
+    ]
+    if summary["ar"] is not None:
+        values.insert(4, ("AR", figure(summary["ar"], 1), "by the truth"))
+    if summary["stop_s"] is not None:
+        values.append(("stop", figure(summary["stop_s"], 2, "s"), "until it stood"))
+    return tiles(values)
+
+
+def _moments(moments: Sequence[Moment]) -> Html | None:
+    if not any(moment.jpeg for moment in moments):
+        return section("Pictures", tag("p", "No frames were logged.", class_="faint")) if moments else None
+    shown = []
+    for moment in moments:
+        words = f"{moment.name}, {clock(round(moment.time_s, 1))}"
+        image = picture(moment.jpeg, words) if moment.jpeg else tag("div", "not in the log", class_="absent")
+        shown.append(tag("figure", image, tag("figcaption", words)))
+    never = [name for name in ("first loss", "seen again") if name not in {moment.name for moment in moments}]
+    note = {2: "The target was never lost.", 1: "It was not seen again.", 0: ""}[len(never)]
+    return section(
+        "Pictures", tag("div", *shown, class_="film"), tag("p", note, class_="faint") if note else None
+    )
