@@ -24,8 +24,6 @@ from adatracker_deploy.perception.target_segmenter import TargetSegmenter
 from adatracker_deploy.runtime.clock import FakeClock, MonotonicClock
 from tests.e2e.painted import painted, red_detector
 
-pytestmark = pytest.mark.slow
-
 WARM, FRAMES = 500, 1500
 KEPT_MIB = 24
 """What may be kept of a thousand frames; pictures and masks alone would be 80."""
@@ -53,6 +51,7 @@ class Weighed:
         return observation
 
 
+@pytest.mark.slow
 def test_a_thousand_frames_leave_nothing_behind(tmp_path, measured):
     path = film(tmp_path / "person.avi", [painted(number, (120, 160)) for number in range(FRAMES)])
     detector = red_detector(tmp_path / "red.onnx")

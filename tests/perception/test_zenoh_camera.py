@@ -198,7 +198,6 @@ def test_nobody_there_is_said_in_two_seconds(port):
     assert "\n" not in str(refusal.value)
 
 
-@pytest.mark.slow
 def test_thirty_cameras_one_after_the_other_leave_no_thread_and_no_file(robot, port):
     ended = threading.Event()
 

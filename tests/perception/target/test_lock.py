@@ -123,6 +123,24 @@ def test_a_twin_who_stood_beside_the_target_is_not_taken_for_them():
     assert states(said)[-1] is LOST
 
 
+def test_nothing_is_learnt_of_a_target_that_is_half_covered():
+    """Or who looks like target and passer-by together would be taken for the target later."""
+    own, passers = _looks([0]), _looks([2])
+    half = np.sqrt((np.square(own) + np.square(passers)) / 2).astype(np.float32)
+    here = np.array([(100, 20, 140, 120)], np.float32)
+    both = np.vstack((here, here + np.float32([20, 0, 20, 0])))
+    alone, together = (here, own), (both, np.concatenate((half, passers)))
+    nobody = here[:0], own[:0]
+    lock, states_ = TargetLock(), []
+    lock.choose(0, *alone, 0)
+    pictures = [alone] * 60 + [together] * 100 + [nobody] * 30 + [(here, half)] * 20
+    for number, (boxes, looks) in enumerate(pictures, start=1):
+        scores = np.full(len(boxes), 0.9, np.float32)
+        states_.append(lock.update(boxes, scores, looks, STILL, number * 50_000_000).state)
+    assert set(states_[:160]) == {TRACKED}
+    assert set(states_[-30:]) == {LOST}
+
+
 def test_of_two_who_come_and_look_the_same_neither_is_taken():
     walkers = [
         Walker("red", steady(200), here=lambda t_s: t_s < 2),

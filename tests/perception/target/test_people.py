@@ -106,6 +106,14 @@ def test_a_look_decides_between_two_who_stand_in_one_place():
     assert whose([a, b], [BOX, BOX], [1, 0]) == {0: 1, 1: 0}
 
 
+@pytest.mark.parametrize(("likeness_here", "place"), [(0.5, 1), (0.7, 0)])
+def test_likeness_counts_twice_as_much_as_place(likeness_here, place):
+    """The first box is where they must be, the other overlaps by a quarter and is all like them."""
+    someone = Person.new(BOX, look())
+    boxes = np.array([BOX, aside(33)], float)
+    assert assigned([someone], boxes, np.array([[likeness_here, 1.0]]), [0.4]) == {0: place}
+
+
 @pytest.mark.parametrize(
     ("box", "kind"),
     [
