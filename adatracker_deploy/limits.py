@@ -6,6 +6,7 @@ Every limit is on by default. `Limits.switched_off` is the only way to do withou
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Annotated, Literal
 
 from adatracker_deploy.errors import UsageError
@@ -84,7 +85,7 @@ def encloses(corners: tuple[tuple[float, float], ...], x: float, y: float) -> bo
     No polygon holds a point that is not a number, and one of fewer than three corners holds none.
     """
     inside = False
-    for (x1, y1), (x2, y2) in zip(corners, (*corners[1:], *corners[:1]), strict=True):
+    for (x1, y1), (x2, y2) in pairwise((*corners, *corners[:1])):
         if (y1 > y) != (y2 > y) and x < x1 + (y - y1) / (y2 - y1) * (x2 - x1):
             inside = not inside
     return inside

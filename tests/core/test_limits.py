@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -14,6 +12,9 @@ from adatracker_deploy.schema import parse
 
 LEAST = {"forward_m_s": 1, "backward_m_s": 1, "yaw_rate_rad_s": 1, "accel_m_s2": 1, "yaw_accel_rad_s2": 1}
 L_SHAPE = ((0.0, 0.0), (4.0, 0.0), (4.0, 1.0), (1.0, 1.0), (1.0, 4.0), (0.0, 4.0))
+
+
+FENCE = "limits: fence_corners_m: [0, 0], where the robot is engaged, is not inside the polygon"
 
 
 def limits(**changes):
@@ -32,11 +33,11 @@ def test_what_fits_is_taken():
         battery_stop=0.2,
         battery_warn=0.2,
         altitude_m=[1, 6],
-        fence_corners_m=[[-1, -1], [5, 0], [-1, 1]],
+        fence_corners_m=[[-1, -1], [0.5, 0], [-1, 1]],
         switched_off=["geofence", "jerk"],
     )
     assert made.altitude_m == (1.0, 6.0)
-    assert made.fence_corners_m == ((-1.0, -1.0), (5.0, 0.0), (-1.0, 1.0))
+    assert made.fence_corners_m == ((-1.0, -1.0), (0.5, 0.0), (-1.0, 1.0))
     assert made.switched_off == ("geofence", "jerk")
 
 
@@ -51,22 +52,28 @@ def test_what_fits_is_taken():
         ({"largest_target": 1.0}, "limits: largest_target: 1.0 is out of range [0.01, 0.9]"),
         ({"battery_stop": 0.0}, "limits: battery_stop: 0.0 is out of range [0.01, 1]"),
         ({"battery_warn": 2.0}, "limits: battery_warn: 2.0 is out of range [0.01, 1]"),
-        ({"battery_warn": 0.1, "battery_stop": 0.2}, "battery_warn 0.1 is below battery_stop 0.2"),
+        (
+            {"battery_warn": 0.1, "battery_stop": 0.2},
+            "limits: battery_warn 0.1 is below battery_stop 0.2: nobody would be warned",
+        ),
         ({"altitude_m": [6, 1]}, "limits: altitude_m [6, 1]: the lower comes first"),
         ({"altitude_m": [2, 2]}, "limits: altitude_m [2, 2]: the lower comes first"),
         ({"altitude_m": [1]}, "limits: altitude_m: expected 2 values, got 1"),
-        ({"altitude_m": [1, 9999]}, "limits: altitude_m[1]: 9999.0 is out of range"),
+        ({"altitude_m": [1, 9999]}, "limits: altitude_m: [1]: 9999.0 is out of range"),
         ({"fence_corners_m": [[0, 1e9]]}, "limits: fence_corners_m[0][1]: 1000000000.0 is out of range"),
-        ({"fence_corners_m": [[1, 1], [2, 1], [2, 2]]}, "limits: fence_corners_m: [0, 0], where"),
-        ({"fence_corners_m": [[-1, 0], [1, 0]]}, "is not inside the polygon"),
+        ({"fence_corners_m": [[1, 1], [2, 1], [2, 2]]}, FENCE),
+        ({"fence_corners_m": [[-1, 0], [1, 0]]}, FENCE),
         ({"switched_off": ["envelope"]}, "limits: switched_off[0]: expected one of 'altitude', 'battery'"),
         ({"switched_of": []}, "limits: unknown key 'switched_of'; did you mean 'switched_off'?"),
     ],
 )
 def test_what_does_not_fit_is_refused_with_its_place(change, message):
-    with pytest.raises(UsageError, match=re.escape(message)) as caught:
+    with pytest.raises(UsageError) as caught:
         limits(**change)
+    assert str(caught.value).startswith(message)
     assert "\n" not in str(caught.value)
+    if message.endswith(("polygon", "warned", "first")):
+        assert str(caught.value) == message
 
 
 @pytest.mark.parametrize(
@@ -86,6 +93,14 @@ def test_what_does_not_fit_is_refused_with_its_place(change, message):
 def test_a_polygon_may_have_a_corner_that_points_inwards(x, y, inside):
     assert encloses(L_SHAPE, x, y) is inside
     assert encloses(L_SHAPE[::-1], x, y) is inside
+
+
+def test_a_point_on_an_edge_that_two_polygons_share_is_in_one_of_them():
+    left = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
+    right = tuple((x + 1.0, y) for x, y in left)
+    above = tuple((x, y + 1.0) for x, y in left)
+    assert (encloses(left, 1.0, 0.5), encloses(right, 1.0, 0.5)) == (False, True)
+    assert (encloses(left, 0.5, 1.0), encloses(above, 0.5, 1.0)) == (False, True)
 
 
 @given(st.floats(-3, 3), st.floats(-3, 3))

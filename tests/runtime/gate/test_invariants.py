@@ -6,7 +6,7 @@ import math
 from dataclasses import astuple
 
 from gate_rig import LIMITS, START_NS
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from adatracker_deploy.geometry import Pose
@@ -98,7 +98,6 @@ def _too_old(verdict):
     return verdict.twist == ZERO and verdict.stage is Stage.OBEY
 
 
-@settings(max_examples=200)
 @given(TAME, st.booleans())
 def test_acceleration_and_jerk_are_never_exceeded_but_by_what_stops(script, sudden):
     """Measured from the outputs alone, whatever the pauses between them."""
