@@ -258,9 +258,10 @@ class _Trial:
     def _log_events(self) -> None:
         for event in self.link.drain_events():
             self.log.event(event.level, event.message, event.t_ns)
+            if event.level != "info":
+                self.progress.phase(f"{event.level}: {event.message}")
             if event.level == "error":
                 self.errors.append(event.message)
-                self.progress.phase(f"error: {event.message}")
 
     def _finish(self, ending: Ending) -> dict[str, Any]:
         """Bring the robot to rest, close the log and sum up."""

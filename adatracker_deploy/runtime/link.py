@@ -132,7 +132,7 @@ class Link:
             gate, verdict = judge(self._limits, self._gate, self._newest(), state, now_ns)
             self._gate = gate
         self._warn(verdict.warnings)
-        if gate.stop is None:
+        if gate.stop is None:  # which a link that holds always has
             self._send(verdict.twist, verdict.reasons, now_ns)
         elif phase is Phase.ACTIVE:
             self._halt(gate.stop)
@@ -176,7 +176,8 @@ class Link:
         self._warned = warnings
 
     def _enter(self, phase: Phase, stop: Stop | None = None) -> None:
-        level: Level = "warning" if stop and phase is Phase.HOLDING else "info"
+        unasked = stop is not None and stop.reason is not Reason.ASKED
+        level: Level = "warning" if unasked and phase is Phase.HOLDING else "info"
         self.note(level, f"{phase}: {stop.text}" if stop else str(phase))
         self._gate = replace(self._gate, stop=stop)
         self.status = replace(

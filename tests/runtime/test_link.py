@@ -115,6 +115,7 @@ def test_a_stop_that_is_asked_for_keeps_its_words():
     rig.link.hold("enough")
     status = rig.step(0.1, GO)
     assert (status.reasons, status.stopped, status.sent) == ((Reason.ASKED,), "enough", ZERO)
+    assert {event.level for event in rig.link.drain_events()} == {"info"}
     rig.link.disengage("home")
     assert rig.step(0.1, GO).stopped == "enough"  # the first reason stays
     other = Rig().driving()
@@ -156,6 +157,7 @@ def test_what_the_robot_says_of_itself_stops_it(says, reason, phase):
     Unwell.says = says
     status = rig.step(0.1, GO)
     assert (status.phase, status.stopped, status.sent, status.takeover) == (phase, reason, ZERO, False)
+    assert "warning" in {event.level for event in rig.link.drain_events()}
     assert rig.platform.sent[-1] == ZERO
     Unwell.says = {}
     assert rig.step(0.5, GO).phase is phase
