@@ -62,6 +62,11 @@ class Box:
     w: float
     h: float
 
+    @property
+    def area(self) -> float:
+        """The share of the image that it covers."""
+        return self.w * self.h
+
     @classmethod
     def of_mask(cls, mask: ClassMask, value: int = MaskClass.TARGET) -> Box | None:
         """Return the tight box around the pixels equal to `value`, or None when there are none."""

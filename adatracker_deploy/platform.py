@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 from adatracker_deploy.errors import PlatformError, UsageError
 from adatracker_deploy.geometry import Pose
+from adatracker_deploy.limits import Limits
 from adatracker_deploy.schema import Range
 
 if TYPE_CHECKING:
@@ -64,26 +65,6 @@ class Twist:
 
 
 ZERO = Twist()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Limits:
-    """What the gate lets through, and when it stops waiting; every value is a magnitude."""
-
-    forward_m_s: Annotated[float, Range(0, 30)]
-    backward_m_s: Annotated[float, Range(0, 30)]
-    lateral_m_s: Annotated[float, Range(0, 30)] = 0.0
-    vertical_m_s: Annotated[float, Range(0, 10)] = 0.0
-    yaw_rate_rad_s: Annotated[float, Range(0, 10)]
-    accel_m_s2: Annotated[float, Range(0.01, 50)]
-    """Largest change of the horizontal and of the vertical velocity, per second."""
-    yaw_accel_rad_s2: Annotated[float, Range(0.01, 100)]
-    command_timeout_s: Annotated[float, Range(0.02, 2)] = 0.2
-    """A command older than this is replaced by zero."""
-    hold_after_s: Annotated[float, Range(0.02, 10)] = 0.5
-    """A command older than this latches a stop: the robot holds."""
-    disengage_after_s: Annotated[float, Range(0.02, 60)] = 1.5
-    """A command older than this disengages: a base is disabled, a drone lands."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -88,7 +88,7 @@ def _union(args: tuple[Any, ...], bounds: tuple[Range, ...], value: Any, where: 
         try:
             return _convert(typing.Annotated[inner, *bounds] if bounds else inner, value, where)
         except UsageError as error:
-            reasons.append(str(error).removeprefix(f"{where}: "))
+            reasons.append(str(error).removeprefix(where).removeprefix(": "))
     raise UsageError(f"{where}: {'; or '.join(reasons)}")
 
 

@@ -135,6 +135,8 @@ class _Trial:
         )
         if self.log.trouble:
             raise PlatformError(f"the trial cannot be logged: {self.log.trouble}")
+        for name in profile.limits.switched_off:
+            self._warn(f"the gate goes without {name}: profile {profile.name} has it in limits: switched_off")
         try:
             ending = self._engage_and_follow(camera, profile)
         except KeyboardInterrupt:
@@ -250,12 +252,17 @@ class _Trial:
         self._log_events()
         self.progress.step(record)
 
+    def _warn(self, message: str) -> None:
+        self.progress.phase(f"warning: {message}")
+        self.log.event("warning", message, self.clock.now_ns())
+
     def _log_events(self) -> None:
         for event in self.link.drain_events():
             self.log.event(event.level, event.message, event.t_ns)
+            if event.level != "info":
+                self.progress.phase(f"{event.level}: {event.message}")
             if event.level == "error":
                 self.errors.append(event.message)
-                self.progress.phase(f"error: {event.message}")
 
     def _finish(self, ending: Ending) -> dict[str, Any]:
         """Bring the robot to rest, close the log and sum up."""
@@ -330,6 +337,7 @@ class _Trial:
         return {
             "profile": asdict(replace(profile, camera=replace(profile.camera, uri=shown))),
             "policy_sha256": dict(plan.policy.info.sha256),
+            "gate_switched_off": list(profile.limits.switched_off),
             **asdict(plan.scenario),
             "camera": shown,
             "segmenter": plan.segmenter_name,

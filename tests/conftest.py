@@ -12,6 +12,7 @@ import hypothesis
 import pytest
 
 hypothesis.settings.register_profile("busy", deadline=None)  # the machine is shared: time is no verdict
+hypothesis.settings.register_profile("brief", deadline=None, max_examples=20, derandomize=True, database=None)
 hypothesis.settings.load_profile("busy")
 
 TESTS = Path(__file__).parent

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Literal
 
 from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.platform import ZERO, Limits, Platform, PlatformState, Twist
-from adatracker_deploy.runtime.gate import GateState, Setpoint, Stage, judge
+from adatracker_deploy.runtime.gate import GateState, Reason, Setpoint, Stage, Stop, judge, unwatched
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -37,6 +37,10 @@ class Phase(enum.StrEnum):
     DONE = "done"
 
 
+_DRIVEN = (Phase.ACTIVE, Phase.HOLDING)
+"""Phases in which the gate judges."""
+
+
 @dataclass(frozen=True, slots=True)
 class Event:
     """Something worth writing down."""
@@ -54,8 +58,9 @@ class LinkStatus:
     state: PlatformState
     sent: Twist = ZERO
     reasons: tuple[str, ...] = ()
+    """Why that is not what was asked for, by the names of `gate.Reason`; empty when it is."""
     stopped: str = ""
-    """Why a stop has latched; empty while none has."""
+    """Why a stop has latched, for people; empty while none has."""
     takeover: bool = False
     """Somebody else has control: see `PlatformState.taken_over`."""
     t_ns: int = 0
@@ -88,6 +93,7 @@ class Link:
         self._gate = GateState(armed_ns=clock.now_ns())
         self._lock = threading.Lock()
         self._events: list[Event] = []
+        self._warned: tuple[Reason, ...] = ()
         self.status = LinkStatus(Phase.IDLE, platform.state())
 
     def engage(self) -> None:
@@ -100,11 +106,7 @@ class Link:
 
     def hold(self, reason: str) -> None:
         """Stop and stay; latches."""
-        with self._lock:
-            if self.status.phase is not Phase.ACTIVE:
-                return
-            self._latch(reason)
-        self._spawn(lambda: self._hold(reason))
+        self._halt(Stop(Reason.ASKED, reason))
 
     def disengage(self, reason: str) -> None:
         """Give up control in the robot's safe way, from any phase; `status.phase` ends as DONE."""
@@ -112,29 +114,30 @@ class Link:
             if self.status.phase in (Phase.DISENGAGING, Phase.DONE):
                 return
             moved = self.status.phase is not Phase.IDLE
-            self._gate = replace(self._gate, stopped=self._gate.stopped or reason)
-            self._enter(Phase.DISENGAGING if moved else Phase.DONE, stopped=self._gate.stopped)
+            self._enter(
+                Phase.DISENGAGING if moved else Phase.DONE, self._gate.stop or Stop(Reason.ASKED, reason)
+            )
         if moved:
             self._spawn(self._disengage)
 
     def step(self, now_ns: int) -> LinkStatus:
         """Do one slot's work at `now_ns` and return what was done."""
+        driven = self.status.phase in _DRIVEN  # before the state is read: an older one says "not engaged"
         state = self._platform.state()
         with self._lock:
             phase = self.status.phase
             self.status = replace(self.status, state=state, t_ns=now_ns)
-            if phase is Phase.ACTIVE and state.stopped:
-                self._latch(state.stopped, takeover=state.taken_over)
+            if not driven or phase not in _DRIVEN:
                 return self.status
-            if phase not in (Phase.ACTIVE, Phase.HOLDING):
-                return self.status
-            self._gate, verdict = judge(self._limits, self._gate, self._newest(), now_ns)
-        if phase is Phase.ACTIVE and verdict.stage <= Stage.ZERO:
+            gate, verdict = judge(self._limits, self._gate, self._newest(), state, now_ns)
+            self._gate = gate
+        self._warn(verdict.warnings)
+        if gate.stop is None:  # which a link that holds always has
             self._send(verdict.twist, verdict.reasons, now_ns)
         elif phase is Phase.ACTIVE:
-            self.hold(verdict.reasons[0])
+            self._halt(gate.stop)
         elif verdict.stage is Stage.DISENGAGE:
-            self.disengage(verdict.reasons[0])
+            self.disengage(gate.stop.text)
         return self.status
 
     def drain_events(self) -> list[Event]:
@@ -151,25 +154,39 @@ class Link:
         try:
             sent = self._platform.send(twist, now_ns)
         except PlatformError as error:
-            self.hold(str(error))
+            self._halt(Stop(Reason.REFUSED, str(error)))
             return
         with self._lock:
             self.status = replace(self.status, sent=sent, reasons=reasons)
 
-    def _latch(self, reason: str, *, takeover: bool = False) -> None:
-        self._gate = replace(self._gate, stopped=reason)
-        self._enter(Phase.HOLDING, stopped=reason, takeover=takeover)
+    def _halt(self, stop: Stop) -> None:
+        """Latch a stop and hold, unless the robot has stopped by itself: it is then left as it is."""
+        with self._lock:
+            if self.status.phase is not Phase.ACTIVE:
+                return
+            self._enter(Phase.HOLDING, stop)
+        if stop.reason not in (Reason.ROBOT_STOPPED, Reason.TAKEOVER):
+            self._spawn(lambda: self._hold(stop.text))
 
-    def _enter(self, phase: Phase, *, stopped: str = "", takeover: bool = False) -> None:
-        level: Level = "warning" if stopped and phase is Phase.HOLDING else "info"
-        self.note(level, f"{phase}: {stopped}" if stopped else str(phase))
+    def _warn(self, warnings: tuple[Reason, ...]) -> None:
+        """Note each warning when it begins."""
+        for warning in warnings:
+            if warning not in self._warned:
+                self.note("warning", warning)
+        self._warned = warnings
+
+    def _enter(self, phase: Phase, stop: Stop | None = None) -> None:
+        unasked = stop is not None and stop.reason is not Reason.ASKED
+        level: Level = "warning" if unasked and phase is Phase.HOLDING else "info"
+        self.note(level, f"{phase}: {stop.text}" if stop else str(phase))
+        self._gate = replace(self._gate, stop=stop)
         self.status = replace(
             self.status,
             phase=phase,
             sent=self.status.sent if phase is Phase.ACTIVE else ZERO,
-            reasons=(stopped,) if stopped else (),
-            stopped=stopped,
-            takeover=takeover or self.status.takeover,
+            reasons=(stop.reason,) if stop else (),
+            stopped=stop.text if stop else "",
+            takeover=self.status.takeover or (stop is not None and stop.reason is Reason.TAKEOVER),
         )
 
     def _engage(self) -> None:
@@ -180,6 +197,8 @@ class Link:
             if error is None:
                 self._gate = GateState(armed_ns=self._clock.now_ns())
                 self._enter(Phase.ACTIVE)
+                for reason in unwatched(self._limits, self._platform.state()):
+                    self.note("info", f"{reason} is not watched: the robot does not tell what it needs")
                 return
         self.disengage(error or "")
 
@@ -189,7 +208,7 @@ class Link:
     def _disengage(self) -> None:
         self._try("disengage", self._platform.disengage)
         with self._lock:
-            self._enter(Phase.DONE, stopped=self.status.stopped)
+            self._enter(Phase.DONE, self._gate.stop)
 
     def _try(self, what: str, manoeuvre: Callable[[], None]) -> str | None:
         """Run a manoeuvre; a failure becomes an event and is returned, since threads lose errors."""

@@ -31,8 +31,8 @@ BLIND_S = 2.0
 class Commands(Protocol):
     """The loop's side of a link."""
 
-    def send(self, twist: Twist, now_ns: int) -> None:
-        """Publish a set-point; never blocks."""
+    def send(self, twist: Twist, now_ns: int, target_share: float | None = None) -> None:
+        """Publish a set-point, with the share of the image that the target covers; never blocks."""
 
     def status(self) -> LinkStatus | None:
         """Return what the link did last."""
@@ -80,7 +80,8 @@ class Loop:
                 return ending
             action, infer_ms = self._act(tick, seen)
             command = to_twist(action.values, self.policy.info.action, self.limits) if action else ZERO
-            self.link.send(command, tick.t_ns)
+            box = seen.observation.box if action else None
+            self.link.send(command, tick.t_ns, box.area if box else None)
             latency = Latency(
                 observation_age_ms=(tick.t_ns - seen.frame.t_ns) / 1e6,
                 infer_ms=infer_ms,

@@ -18,13 +18,13 @@ _LONGEST_TEXT = 200
 
 def pack_setpoint(setpoint: Setpoint) -> bytes:
     """Encode a set-point; NaN and infinities survive, so that the gate sees them."""
-    return json.dumps([setpoint.t_ns, *dataclasses.astuple(setpoint.twist)]).encode()
+    return json.dumps([setpoint.t_ns, setpoint.target_share, *dataclasses.astuple(setpoint.twist)]).encode()
 
 
 def unpack_setpoint(message: bytes) -> Setpoint:
     """Decode a set-point."""
-    t_ns, *twist = json.loads(message)
-    return Setpoint(Twist(*twist), t_ns)
+    t_ns, target_share, *twist = json.loads(message)
+    return Setpoint(Twist(*twist), t_ns, target_share)
 
 
 def pack_status(status: LinkStatus) -> bytes:
@@ -36,7 +36,7 @@ def pack_status(status: LinkStatus) -> bytes:
         status,
         state=state,
         stopped=status.stopped[:_LONGEST_TEXT],
-        reasons=tuple(reason[:_LONGEST_TEXT] for reason in status.reasons[:4]),
+        reasons=tuple(reason[:_LONGEST_TEXT] for reason in status.reasons[:8]),
     )
     return json.dumps(dataclasses.asdict(short)).encode()
 

@@ -52,7 +52,7 @@ class StepRecord:
     sent: Twist
     """What the link last sent, after its gate."""
     gate: tuple[str, ...]
-    """Why the gate changed the command; empty when it did not."""
+    """Why the gate changed the command, by the names of `gate.Reason`; empty when it did not."""
     mode: str
     """The robot's own name for its mode."""
     pose: Pose | None

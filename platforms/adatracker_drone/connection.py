@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from adatracker_deploy.errors import UsageError
+from adatracker_deploy.limits import Limits
 from adatracker_deploy.schema import Range
 
 
@@ -19,9 +20,6 @@ class Connection:
     """Of the vehicle to fly (its MAV_SYS_ID); any other on the same link is left alone."""
     takeoff_altitude_m: Annotated[float, Range(1, 30)] = 2.5
     """Above the ground; velocity commands start from there."""
-    min_altitude_m: Annotated[float, Range(0.5, 30)] = 1.0
-    max_altitude_m: Annotated[float, Range(1, 100)] = 6.0
-    """The altitude hold never aims outside this band, whatever is commanded."""
     min_battery: Annotated[float, Range(0, 1)] = 0.3
     """Charge needed to take off; 0 also accepts a vehicle that does not measure it."""
     connect_timeout_s: Annotated[float, Range(1, 120)] = 10.0
@@ -30,9 +28,21 @@ class Connection:
     telemetry_timeout_s: Annotated[float, Range(0.1, 5)] = 0.3
     """Without a position for this long the drone is flown no further."""
 
-    def __post_init__(self) -> None:
-        if not self.min_altitude_m <= self.takeoff_altitude_m <= self.max_altitude_m:
-            raise UsageError(
-                f"connection: takeoff_altitude_m {self.takeoff_altitude_m:g} is not between min_altitude_m "
-                f"{self.min_altitude_m:g} and max_altitude_m {self.max_altitude_m:g}"
-            )
+
+def altitude_band(connection: Connection, limits: Limits) -> tuple[float, float]:
+    """Return the band that the altitude hold aims inside of, whatever is commanded: the gate's.
+
+    Raises:
+        UsageError: there is none, or taking off would leave it.
+    """
+    if limits.altitude_m is None:
+        raise UsageError(
+            "limits: missing key 'altitude_m': a drone needs a band of altitudes, such as [1, 6]"
+        )
+    low, high = limits.altitude_m
+    if not low <= connection.takeoff_altitude_m <= high:
+        raise UsageError(
+            f"connection: takeoff_altitude_m {connection.takeoff_altitude_m:g} is not inside limits: "
+            f"altitude_m [{low:g}, {high:g}]"
+        )
+    return low, high

@@ -55,9 +55,9 @@ class Helm:
             if vehicle is not None and self.engaged:
                 with contextlib.suppress(PlatformError):  # a radio that fails must not keep consent alive
                     self._transmit(vehicle, ZERO, self._clock.now_ns())
+            self.stopped = self.stopped or reason[:_LONGEST_REASON]  # first, for who reads without the lock
             self._consent = self.engaged = False
             self._expected, self._altitude_hold = frozenset(), None
-            self.stopped = self.stopped or reason[:_LONGEST_REASON]
 
     def take_charge(self) -> None:
         """From now on this side has to bring the drone down again.
@@ -93,10 +93,9 @@ class Helm:
             self.require_consent()
             self._transmit(vehicle, ZERO, self._clock.now_ns())
 
-    def hold_altitude(self, vehicle: Vehicle) -> None:
-        """From now on add to every set-point what keeps the present altitude."""
+    def hold_altitude(self, vehicle: Vehicle, band_m: tuple[float, float]) -> None:
+        """From now on add to every set-point what keeps the present altitude, inside a band."""
         with self._lock:
-            band_m = (self._connection.min_altitude_m, self._connection.max_altitude_m)
             altitude_m = self.altitude_m(vehicle.heard)
             self._altitude_hold = AltitudeHold.at(altitude_m, band_m, self._clock.now_ns())
 

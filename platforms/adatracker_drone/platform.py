@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.platform import Body, Check, Platform, PlatformState, Sitl, Twist
-from adatracker_drone.connection import Connection
+from adatracker_drone.connection import Connection, altitude_band
 from adatracker_drone.frames import NedPose
 from adatracker_drone.helm import Helm
 from adatracker_drone.preflight import Parameters, envelope_checks, failsafe_checks, health_checks
@@ -66,12 +66,13 @@ class DronePlatform(Platform):
         """Open the connection and wait for the autopilot's HEARTBEAT; moves nothing.
 
         Raises:
-            UsageError: the URL is malformed or its port is taken.
+            UsageError: the URL is malformed, its port is taken, or the altitude band does not fit.
             PlatformError: no autopilot is heard within `connect_timeout_s`.
         """
         with self._turn:
             if self._vehicle is not None:
                 return
+            altitude_band(self._connection, self.profile.limits)
             vehicle = Vehicle(self._connection.url, self.clock, self._helm.on_mode)
             deadline_ns = self._deadline_ns(self._connection.connect_timeout_s)
             while not vehicle.discover(self._connection.system_id):
@@ -101,7 +102,7 @@ class DronePlatform(Platform):
                     min_battery=self._connection.min_battery,
                 ),
                 *failsafe_checks(parameters),
-                *envelope_checks(parameters, self.profile.limits, self._connection.max_altitude_m),
+                *envelope_checks(parameters, self.profile.limits),
             )
 
     def engage(self) -> None:
@@ -270,7 +271,7 @@ class DronePlatform(Platform):
             self._helm.keep_alive(vehicle)
             self.clock.sleep_until(self.clock.now_ns() + _TICK_NS)
         self._helm.take_charge()
-        self._helm.hold_altitude(vehicle)
+        self._helm.hold_altitude(vehicle, altitude_band(self._connection, self.profile.limits))
         for _ in range(2):
             vehicle.switch_to_offboard()
             if self._wait(

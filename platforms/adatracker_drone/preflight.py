@@ -85,7 +85,7 @@ def failsafe_checks(parameters: Parameters) -> tuple[Check, ...]:
     )
 
 
-def envelope_checks(parameters: Parameters, limits: Limits, ceiling_m: float) -> tuple[Check, ...]:
+def envelope_checks(parameters: Parameters, limits: Limits) -> tuple[Check, ...]:
     """Judge whether the autopilot's own limits and fence fit what it will be asked for."""
     checks = []
     for asked, unit, name, has in (
@@ -103,8 +103,10 @@ def envelope_checks(parameters: Parameters, limits: Limits, ceiling_m: float) ->
     top = parameters.GF_MAX_VER_DIST
     if off:
         message = f"{' and '.join(off)} are 0 (off): set a fence that fits the field"
-    elif top is not None and top < ceiling_m:
-        message = f"GF_MAX_VER_DIST is {top:g} m, below connection.max_altitude_m {ceiling_m:g}"
+    elif top is not None and limits.altitude_m is not None and top < limits.altitude_m[1]:
+        message = (
+            f"GF_MAX_VER_DIST is {top:g} m, below the top of limits: altitude_m {limits.altitude_m[1]:g}"
+        )
     else:
         message = "on"
     return (*checks, Check("geofence", message == "on", message, blocking=False))

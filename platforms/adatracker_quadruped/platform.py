@@ -122,7 +122,7 @@ class QuadrupedPlatform(Platform):
             if not self._engaged:
                 raise PlatformError(f"not engaged: {self._stopped or 'engage first'}")
             if why := self._pause(now_ns) or self._trouble(wire):
-                self._engaged, self._stopped = False, why
+                self._stopped, self._engaged = why, False  # in this order, for who reads without the lock
                 wire.commander.walk(ZERO, time.time_ns())
                 raise PlatformError(why)
             sent = replace(command, vz=0.0)
@@ -227,8 +227,8 @@ class QuadrupedPlatform(Platform):
 
     def _withdraw(self, reason: str) -> None:
         with self._steering:
-            self._engaged = False
             self._stopped = self._stopped or reason
+            self._engaged = False
 
     def _give_back(self) -> Wire | None:
         """Tell the robot to stand and leave it alone; return its wire, None where it was not ours to stop."""

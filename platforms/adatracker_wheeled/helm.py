@@ -70,8 +70,8 @@ class Helm:
     def withdraw(self, reason: str = "") -> None:
         """Stop: zero three times to a base in this side's charge, then silence. The first reason stays."""
         with self.lock:
+            self.stopped = self.stopped or reason[:_LONGEST_REASON]  # first, for who reads without the lock
             self._consent = self.engaged = False
-            self.stopped = self.stopped or reason[:_LONGEST_REASON]
             if self.wire is not None and self.in_charge:
                 self.wire.stop()
 

@@ -44,7 +44,7 @@ class Rig:
     def engage(self) -> "Rig":
         self.helm.give_consent()
         self.helm.take_charge()
-        self.helm.hold_altitude(self.vehicle)
+        self.helm.hold_altitude(self.vehicle, (1.0, 6.0))
         self.helm.engage(self.vehicle)
         return self
 

@@ -7,7 +7,7 @@ import pytest
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.platform import Limits
 from adatracker_deploy.profile import load_profile, profile_dir
-from adatracker_drone.connection import Connection
+from adatracker_drone.connection import Connection, altitude_band
 from adatracker_drone.preflight import Parameters, envelope_checks, failsafe_checks, health_checks
 
 SAFE = Parameters(
@@ -28,6 +28,7 @@ LIMITS = Limits(
     yaw_rate_rad_s=1.57,
     accel_m_s2=2.5,
     yaw_accel_rad_s2=4.0,
+    altitude_m=(1.0, 6.0),
 )
 
 
@@ -40,11 +41,11 @@ def failsafes(**changes):
 
 
 def envelope(**changes):
-    return judged(envelope_checks(dataclasses.replace(SAFE, **changes), LIMITS, ceiling_m=6.0))
+    return judged(envelope_checks(dataclasses.replace(SAFE, **changes), LIMITS))
 
 
 def test_a_vehicle_that_is_set_up_well_passes_everything():
-    assert all(check.ok for check in (*failsafe_checks(SAFE), *envelope_checks(SAFE, LIMITS, ceiling_m=6.0)))
+    assert all(check.ok for check in (*failsafe_checks(SAFE), *envelope_checks(SAFE, LIMITS)))
 
 
 @pytest.mark.parametrize("seconds", [None, 0.0, -1.0, 1.5, 60.0])
@@ -119,9 +120,15 @@ def test_too_little_or_an_unknown_charge_blocks_unless_none_is_asked_for(battery
     assert health(battery=battery, min_battery=minimum)["battery"].ok is ok
 
 
-def test_a_take_off_outside_the_altitude_band_is_refused_when_the_profile_is_read():
-    with pytest.raises(UsageError, match="takeoff_altitude_m"):
-        Connection(takeoff_altitude_m=8.0, max_altitude_m=6.0)
+def test_a_take_off_outside_the_altitude_band_is_refused():
+    assert altitude_band(Connection(takeoff_altitude_m=6.0), LIMITS) == (1.0, 6.0)
+    with pytest.raises(UsageError, match=r"takeoff_altitude_m 8 is not inside .* \[1, 6\]"):
+        altitude_band(Connection(takeoff_altitude_m=8.0), LIMITS)
+
+
+def test_a_drone_without_an_altitude_band_is_refused():
+    with pytest.raises(UsageError, match="missing key 'altitude_m'"):
+        altitude_band(Connection(), dataclasses.replace(LIMITS, altitude_m=None))
 
 
 def test_the_shipped_profiles_values_reach_the_connection(tmp_path):

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from typing import ClassVar
 
 import pytest
 
 from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.geometry import Pose
 from adatracker_deploy.platform import ZERO, Twist
 from adatracker_deploy.runtime.clock import FakeClock
-from adatracker_deploy.runtime.gate import Setpoint
+from adatracker_deploy.runtime.gate import Reason, Setpoint
 from adatracker_deploy.runtime.link import RATE_HZ, Link, Phase
 from adatracker_deploy.runtime.link_process import wall_timeouts
 from adatracker_deploy.testing.fake import FakePlatform, fake_profile
@@ -30,20 +33,20 @@ class Rig:
             self.platform, self.profile.limits, self.clock, lambda: self.setpoint, spawn=lambda job: job()
         )
 
-    def step(self, seconds: float, command: Twist | None = None):
+    def step(self, seconds: float, command: Twist | None = None, target_share: float | None = None):
         """Step at the link's rate; with a command, renew it every step."""
         status = self.link.status
         for _ in range(round(seconds * RATE_HZ)):
             self.clock.advance(1 / RATE_HZ)
             now_ns = self.clock.now_ns()
             if command is not None:
-                self.setpoint = Setpoint(command, now_ns)
+                self.setpoint = Setpoint(command, now_ns, target_share)
             status = self.link.step(now_ns)
         return status
 
     def driving(self) -> Rig:
         self.link.engage()
-        assert self.step(1.0, GO).sent == GO
+        assert self.step(2.0, GO).sent == GO
         return self
 
 
@@ -96,7 +99,7 @@ def test_a_takeover_is_respected_and_told_apart_from_a_stop_of_ours():
     rig = Rig().driving()
     rig.platform.take_over()
     status = rig.step(0.1, GO)
-    assert (status.phase, status.takeover) == (Phase.HOLDING, True)
+    assert (status.phase, status.takeover, status.reasons) == (Phase.HOLDING, True, (Reason.TAKEOVER,))
     assert "pilot" in status.stopped
     held = Rig().driving()
     held.link.hold("enough")
@@ -104,7 +107,102 @@ def test_a_takeover_is_respected_and_told_apart_from_a_stop_of_ours():
     broken = Rig().driving()
     broken.platform.hold("the motor driver is too hot")  # a stop of the robot's that is nobody's takeover
     status = broken.step(0.1, GO)
-    assert (status.phase, status.takeover) == (Phase.HOLDING, False)
+    assert (status.phase, status.takeover, status.reasons) == (Phase.HOLDING, False, (Reason.ROBOT_STOPPED,))
+
+
+def test_a_stop_that_is_asked_for_keeps_its_words():
+    rig = Rig().driving()
+    rig.link.hold("enough")
+    status = rig.step(0.1, GO)
+    assert (status.reasons, status.stopped, status.sent) == ((Reason.ASKED,), "enough", ZERO)
+    assert {event.level for event in rig.link.drain_events()} == {"info"}
+    rig.link.disengage("home")
+    assert rig.step(0.1, GO).stopped == "enough"  # the first reason stays
+    other = Rig().driving()
+    other.link.disengage("home")
+    assert (other.link.status.reasons, other.link.status.stopped) == ((Reason.ASKED,), "home")
+
+
+def test_what_the_gate_changes_is_named_in_the_status():
+    rig = Rig().driving()
+    assert rig.step(0.1, GO).reasons == ()
+    assert rig.step(0.1, Twist(vx=9.0, yaw_rate=GO.yaw_rate)).reasons[0] == Reason.ENVELOPE
+    status = rig.step(0.1, GO, target_share=0.6)
+    assert (status.reasons[0], status.sent.vx, status.sent.yaw_rate) == (Reason.TOO_CLOSE, 0.0, GO.yaw_rate)
+
+
+class Telling(FakePlatform):
+    """Says of itself what a test wants it to say."""
+
+    says: ClassVar[dict] = {}
+
+    def state(self):
+        return replace(super().state(), **self.says)
+
+
+@pytest.mark.parametrize(
+    ("says", "reason", "phase"),
+    [
+        ({"pose": Pose(x=101.0)}, Reason.GEOFENCE, Phase.HOLDING),
+        ({"t_ns": 1}, Reason.STATE_LOST, Phase.HOLDING),
+        ({"engaged": False}, Reason.NOT_ENGAGED, Phase.HOLDING),
+        ({"battery": 0.05}, Reason.BATTERY, Phase.DONE),
+    ],
+)
+def test_what_the_robot_says_of_itself_stops_it(says, reason, phase):
+    class Unwell(Telling):
+        pass
+
+    rig = Rig(Unwell).driving()
+    Unwell.says = says
+    status = rig.step(0.1, GO)
+    assert (status.phase, status.stopped, status.sent, status.takeover) == (phase, reason, ZERO, False)
+    assert "warning" in {event.level for event in rig.link.drain_events()}
+    assert rig.platform.sent[-1] == ZERO
+    Unwell.says = {}
+    assert rig.step(0.5, GO).phase is phase
+
+
+def test_a_low_battery_is_noted_each_time_that_it_becomes_low():
+    class Tired(Telling):
+        pass
+
+    rig = Rig(Tired).driving()
+    for charge in (0.15, 0.9, 0.15):
+        Tired.says = {"battery": charge}
+        assert rig.step(0.2, GO).phase is Phase.ACTIVE
+    notes = [event for event in rig.link.drain_events() if event.message == Reason.BATTERY_LOW]
+    assert [event.level for event in notes] == ["warning", "warning"]
+
+
+def test_what_cannot_be_watched_is_noted_when_engaging():
+    class Silent(Telling):
+        says: ClassVar[dict] = {"pose": None, "battery": None}
+
+    notes = [event.message for event in Rig(Silent).driving().link.drain_events()]
+    assert [note.split()[0] for note in notes if "not watched" in note] == ["geofence", "battery"]
+    assert not [event for event in Rig().driving().link.drain_events() if "not watched" in event.message]
+
+
+def test_a_state_that_was_read_before_the_engagement_stops_nothing():
+    """Engaging ends in another thread, between the link's look at the robot and its judgement."""
+
+    class Slow(FakePlatform):
+        def state(self):
+            state = super().state()
+            if ending:
+                ending.pop()()
+            return state
+
+    ending, manoeuvres = [], []
+    rig = Rig(Slow)
+    rig.link = Link(
+        rig.platform, rig.profile.limits, rig.clock, lambda: rig.setpoint, spawn=manoeuvres.append
+    )
+    rig.link.engage()
+    ending.append(manoeuvres.pop())
+    assert rig.step(1 / RATE_HZ, GO).phase is Phase.ACTIVE
+    assert rig.step(2.0, GO).sent == GO
 
 
 def test_a_robot_that_refuses_a_command_is_held_with_its_reason():
@@ -114,7 +212,8 @@ def test_a_robot_that_refuses_a_command_is_held_with_its_reason():
 
     rig = Rig(Refusing)
     rig.link.engage()
-    assert rig.step(0.1, GO).stopped == "the wire is cut"
+    status = rig.step(0.1, GO)
+    assert (status.reasons, status.stopped) == ((Reason.REFUSED,), "the wire is cut")
 
 
 def test_an_engage_that_fails_ends_with_its_reason():
@@ -149,4 +248,5 @@ def test_it_never_engages_twice():
 def test_its_time_outs_stay_in_machine_time_at_any_speed():
     limits = wall_timeouts(fake_profile().limits, 5.0)
     assert limits.command_timeout_s == pytest.approx(5 * fake_profile().limits.command_timeout_s)
+    assert limits.state_timeout_s == pytest.approx(5 * fake_profile().limits.state_timeout_s)
     assert limits.forward_m_s == fake_profile().limits.forward_m_s

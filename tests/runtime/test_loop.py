@@ -39,6 +39,7 @@ class Rehearsal:
     living: bool = True
     frame: bool = True
     commands: list[Twist] = field(default_factory=list)
+    shares: list[float | None] = field(default_factory=list)
     records: list = field(default_factory=list)
     asked: int = 0
     info: PolicyInfo = INFO
@@ -58,8 +59,9 @@ class Rehearsal:
 
     def reset(self, seed=0): ...
 
-    def send(self, twist, now_ns):
+    def send(self, twist, now_ns, target_share=None):
         self.commands.append(twist)
+        self.shares.append(target_share)
 
     def status(self):
         return self.status_now
@@ -105,6 +107,7 @@ def test_a_stale_observation_is_not_acted_on_and_counts_as_lost():
     assert rehearsal.run().outcome == "completed"
     assert rehearsal.commands[9:13] == [Twist(1.0, yaw_rate=-0.5), ZERO, ZERO, Twist(1.0, yaw_rate=-0.5)]
     assert [record.box for record in rehearsal.records[9:13]] == [BOX, None, None, BOX]
+    assert rehearsal.shares[9:13] == [pytest.approx(0.12), None, None, pytest.approx(0.12)]
     assert rehearsal.asked == STEPS + 1 - 2
 
 

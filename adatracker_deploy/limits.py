@@ -1,0 +1,91 @@
+"""What a robot may do, and when it has to stop: the profile's ``limits:`` section, which the gate enforces.
+
+Every limit is on by default. `Limits.switched_off` is the only way to do without one; every trial tells it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Annotated, Literal
+
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.schema import Range
+
+Dispensable = Literal["altitude", "battery", "geofence", "jerk", "ramp", "state_lost", "too_close"]
+"""What a profile may switch off, by the name of the gate's reason. The rest (`not_finite`, `envelope`,
+`acceleration`, the age of commands, a robot that stopped by itself) never is."""
+
+_Height = Annotated[float, Range(-100, 500)]
+_Offset = Annotated[float, Range(-10_000, 10_000)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """What the gate lets through, and when it stops waiting; every value is a magnitude."""
+
+    forward_m_s: Annotated[float, Range(0, 30)]
+    backward_m_s: Annotated[float, Range(0, 30)]
+    lateral_m_s: Annotated[float, Range(0, 30)] = 0.0
+    vertical_m_s: Annotated[float, Range(0, 10)] = 0.0
+    yaw_rate_rad_s: Annotated[float, Range(0, 10)]
+    accel_m_s2: Annotated[float, Range(0.01, 50)]
+    """Largest change of the horizontal and of the vertical velocity, per second."""
+    yaw_accel_rad_s2: Annotated[float, Range(0.01, 100)]
+    jerk_m_s3: Annotated[float, Range(0.1, 1000)] = 20.0
+    """Largest change of the horizontal and of the vertical acceleration, per second."""
+    yaw_jerk_rad_s3: Annotated[float, Range(0.1, 2000)] = 50.0
+    ramp_s: Annotated[float, Range(0.05, 10)] = 1.0
+    """From the first motion after engaging, speed limits grow from zero to their full size for so long."""
+    command_timeout_s: Annotated[float, Range(0.02, 2)] = 0.2
+    """A command older than this is replaced by zero."""
+    hold_after_s: Annotated[float, Range(0.02, 10)] = 0.5
+    """A command older than this latches a stop: the robot holds."""
+    disengage_after_s: Annotated[float, Range(0.02, 60)] = 1.5
+    """A command older than this disengages: a base is disabled, a drone lands."""
+    state_timeout_s: Annotated[float, Range(0.05, 5)] = 1.0
+    """Without anything measured by the robot for this long a stop latches. Adapters know their wires and stop
+    sooner; this is behind them, for one that does not."""
+    fence_radius_m: Annotated[float, Range(1, 10_000)] = 100.0
+    """The robot stays within a cylinder of this radius around where it was engaged."""
+    fence_corners_m: tuple[tuple[_Offset, _Offset], ...] = ()
+    """A polygon instead of the cylinder: its corners in order, each (ahead, left) of the robot as it stood
+    when it was engaged."""
+    altitude_m: tuple[_Height, _Height] | None = None
+    """The lowest and the highest a flying robot may be, above where it took off; none for one that walks or
+    rolls."""
+    largest_target: Annotated[float, Range(0.01, 0.9)] = 0.3
+    """The share of the image that the target's box may cover: beyond it the target is too close, and nothing
+    moves forward. 0.3 is a person 1.76 m tall and 0.49 m broad, about 0.8 m before a 90 degree lens."""
+    battery_warn: Annotated[float, Range(0.01, 1)] = 0.2
+    """State of charge from which on it is told that the battery is low."""
+    battery_stop: Annotated[float, Range(0.01, 1)] = 0.1
+    """State of charge at which the robot disengages: a base is disabled, a drone lands."""
+    switched_off: tuple[Dispensable, ...] = ()
+    """Limits that this robot goes without. Every trial says so, on the screen and in its log."""
+
+    def __post_init__(self) -> None:
+        if self.battery_warn < self.battery_stop:
+            raise UsageError(
+                f"limits: battery_warn {self.battery_warn:g} is below battery_stop {self.battery_stop:g}: "
+                "nobody would be warned"
+            )
+        if self.altitude_m is not None and not self.altitude_m[0] < self.altitude_m[1]:
+            low, high = self.altitude_m
+            raise UsageError(f"limits: altitude_m [{low:g}, {high:g}]: the lower comes first")
+        if self.fence_corners_m and not encloses(self.fence_corners_m, 0.0, 0.0):
+            raise UsageError(
+                "limits: fence_corners_m: [0, 0], where the robot is engaged, is not inside the polygon"
+            )
+
+
+def encloses(corners: tuple[tuple[float, float], ...], x: float, y: float) -> bool:
+    """Tell whether a polygon holds a point, by counting the edges that a ray to +x crosses (even-odd rule).
+
+    No polygon holds a point that is not a number, and one of fewer than three corners holds none.
+    """
+    inside = False
+    for (x1, y1), (x2, y2) in pairwise((*corners, *corners[:1])):
+        if (y1 > y) != (y2 > y) and x < x1 + (y - y1) / (y2 - y1) * (x2 - x1):
+            inside = not inside
+    return inside

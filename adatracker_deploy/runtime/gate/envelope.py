@@ -1,0 +1,99 @@
+"""The speeds that are allowed now: the profile's, narrowed by what the robot is doing and by where it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from adatracker_deploy.limits import Limits
+from adatracker_deploy.platform import PlatformState, Twist
+from adatracker_deploy.runtime.gate.place import rest_height_m
+from adatracker_deploy.runtime.gate.reasons import Reason
+from adatracker_deploy.runtime.gate.state import GateState
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Envelope:
+    """The largest speeds, each a magnitude in m/s or rad/s; zero is always inside."""
+
+    forward: float
+    backward: float
+    lateral: float
+    up: float
+    down: float
+    yaw_rate: float
+
+    @classmethod
+    def of(cls, limits: Limits) -> Envelope:
+        """Return a profile's."""
+        return cls(
+            forward=limits.forward_m_s,
+            backward=limits.backward_m_s,
+            lateral=limits.lateral_m_s,
+            up=limits.vertical_m_s,
+            down=limits.vertical_m_s,
+            yaw_rate=limits.yaw_rate_rad_s,
+        )
+
+    def times(self, share: float) -> Envelope:
+        """Return one with every speed scaled."""
+        return Envelope(
+            forward=share * self.forward,
+            backward=share * self.backward,
+            lateral=share * self.lateral,
+            up=share * self.up,
+            down=share * self.down,
+            yaw_rate=share * self.yaw_rate,
+        )
+
+    def clip(self, twist: Twist) -> Twist:
+        """Return the nearest velocity inside."""
+        return Twist(
+            vx=min(max(twist.vx, -self.backward), self.forward),
+            vy=min(max(twist.vy, -self.lateral), self.lateral),
+            vz=min(max(twist.vz, -self.down), self.up),
+            yaw_rate=min(max(twist.yaw_rate, -self.yaw_rate), self.yaw_rate),
+        )
+
+
+def ramped(limits: Limits, state: GateState, now_ns: int) -> float:
+    """Return the share of the envelope that is open so soon after the first motion, 0 to 1."""
+    if Reason.RAMP in limits.switched_off:
+        return 1.0
+    if state.moving_ns is None:
+        return 0.0
+    return min((now_ns - state.moving_ns) / 1e9 / limits.ramp_s, 1.0)
+
+
+def too_close(limits: Limits, state: GateState, target_share: float | None) -> bool:
+    """Tell whether the target is too close; one that is not seen is as close as it was, and so is NaN."""
+    if target_share is None:
+        return state.close
+    return Reason.TOO_CLOSE not in limits.switched_off and not target_share <= limits.largest_target
+
+
+def narrowed(
+    limits: Limits, state: GateState, robot: PlatformState, now_ns: int
+) -> tuple[tuple[Reason, Envelope], ...]:
+    """Return the envelopes that hold now, each inside the one before, with what is told of those it stops."""
+    full = Envelope.of(limits)
+    ramp = full.times(ramped(limits, state, now_ns))
+    near = replace(ramp, forward=0.0) if state.close else ramp  # turning and backing away stay allowed
+    return (
+        (Reason.ENVELOPE, full),
+        (Reason.RAMP, ramp),
+        (Reason.TOO_CLOSE, near),
+        (Reason.ALTITUDE, _level(near, limits, state, robot)),
+    )
+
+
+def _level(envelope: Envelope, limits: Limits, state: GateState, robot: PlatformState) -> Envelope:
+    """Return the envelope without what leads out of the altitude band."""
+    if limits.altitude_m is None or robot.pose is None or Reason.ALTITUDE in limits.switched_off:
+        return envelope
+    low, high = limits.altitude_m
+    height_m = rest_height_m(limits, robot.pose, robot.velocity or state.last)
+    return replace(
+        envelope,
+        up=envelope.up if height_m < high else 0.0,
+        down=envelope.down if height_m > low else 0.0,
+    )

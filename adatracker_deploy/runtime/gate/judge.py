@@ -1,0 +1,59 @@
+"""The order in which a command is judged: is there a stop, is it fresh, how fast, how smooth."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import chain
+
+from adatracker_deploy.limits import Limits
+from adatracker_deploy.platform import ZERO, PlatformState
+from adatracker_deploy.runtime.gate.envelope import too_close
+from adatracker_deploy.runtime.gate.move import move
+from adatracker_deploy.runtime.gate.reasons import Reason
+from adatracker_deploy.runtime.gate.state import GateState, Setpoint, Stage, Stop, Verdict
+from adatracker_deploy.runtime.gate.watch import command_stops, stops, warnings
+
+LONGEST_STEP_S = 0.1
+"""A pause of the gate itself must not let the next command jump."""
+
+
+def judge(
+    limits: Limits, state: GateState, setpoint: Setpoint | None, robot: PlatformState, now_ns: int
+) -> tuple[GateState, Verdict]:
+    """Judge the newest set-point at `now_ns`.
+
+    Args:
+        limits: the profile's, with its time-outs in the run's clock.
+        state: what the last judgement returned, or a new one after engaging.
+        setpoint: the newest; None before the first. One from before arming does not count, and one that is
+            stamped further ahead than `command_timeout_s` would outlive its sender: it is lost.
+        robot: the newest that the robot says of itself.
+        now_ns: the run's clock; a clock that runs backwards stands still here.
+    """
+    before_ns = max(state.last_ns, state.armed_ns)
+    now_ns = max(now_ns, before_ns)
+    if setpoint is None or setpoint.t_ns < state.armed_ns:
+        setpoint = Setpoint(ZERO, state.armed_ns)
+    age_s = (now_ns - setpoint.t_ns) / 1e9
+    if age_s < -limits.command_timeout_s:
+        age_s = math.inf
+    warned = warnings(limits, robot)
+    start = state.start or robot.pose
+    state = replace(state, last_ns=now_ns, start=start, close=too_close(limits, state, setpoint.target_share))
+    stop = state.stop or next(
+        chain(stops(limits, state, robot, now_ns), command_stops(limits, setpoint, age_s)), None
+    )
+    if age_s > limits.disengage_after_s:
+        stop = replace(stop or Stop(Reason.COMMAND_LOST), stage=Stage.DISENGAGE)
+    if stop is not None:
+        still = replace(state, last=ZERO, rate=ZERO, stop=stop)
+        return still, Verdict(ZERO, stop.stage, (stop.reason,), warned)
+    if age_s > limits.command_timeout_s:
+        still = replace(state, last=ZERO, rate=ZERO)
+        return still, Verdict(ZERO, Stage.ZERO, (Reason.STALE,), warned)
+    if state.moving_ns is None and setpoint.twist != ZERO:
+        state = replace(state, moving_ns=now_ns)
+    dt_s = min((now_ns - before_ns) / 1e9, LONGEST_STEP_S)
+    state, reasons = move(limits, state, setpoint.twist, robot, dt_s)
+    return state, Verdict(state.last, Stage.OBEY, reasons, warned)

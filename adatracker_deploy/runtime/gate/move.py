@@ -1,0 +1,61 @@
+"""How a fresh command becomes the velocity that is sent."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from adatracker_deploy.limits import Limits
+from adatracker_deploy.platform import PlatformState, Twist
+from adatracker_deploy.runtime.gate.envelope import Envelope, narrowed
+from adatracker_deploy.runtime.gate.reasons import Reason
+from adatracker_deploy.runtime.gate.smooth import smooth
+from adatracker_deploy.runtime.gate.state import GateState
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+
+def move(
+    limits: Limits, state: GateState, asked: Twist, robot: PlatformState, dt_s: float
+) -> tuple[GateState, tuple[Reason, ...]]:
+    """Move from the last velocity towards the one asked for; return the next state and what was changed.
+
+    The target is brought inside every envelope, then the way there is smoothed. Smoothing stays inside an
+    envelope that does not shrink. One that has shrunk (the target is too close, the edge of the altitude band
+    is reached) cuts its axis at once, as a stop does: braking there waits for no comfort.
+
+    Args:
+        limits: the profile's.
+        state: with `last_ns` the time now.
+        asked: the velocity asked for, finite.
+        robot: the newest that the robot says of itself.
+        dt_s: since the last velocity was sent, s.
+    """
+    narrow = narrowed(limits, state, robot, state.last_ns)
+    wanted, reasons = _clip(asked, narrow)
+    eased, _ = smooth(limits, state.last, state.rate, wanted, dt_s, jerk=False)
+    jerk = Reason.JERK not in limits.switched_off
+    smoothed, rate = smooth(limits, state.last, state.rate, wanted, dt_s, jerk=jerk)
+    _, (_, ramp), *sudden = narrow
+    out, cut = _clip(ramp.clip(smoothed), sudden)  # the first clip takes off what rounding added
+    rate = replace(
+        rate, vx=rate.vx if out.vx == smoothed.vx else 0.0, vz=rate.vz if out.vz == smoothed.vz else 0.0
+    )
+    changed = {
+        **dict.fromkeys(reasons, True),
+        **dict.fromkeys(cut, True),
+        Reason.ACCELERATION: eased != wanted,
+        Reason.JERK: smoothed != eased,
+    }
+    return replace(state, last=out, rate=rate), tuple(reason for reason, is_so in changed.items() if is_so)
+
+
+def _clip(twist: Twist, narrow: Iterable[tuple[Reason, Envelope]]) -> tuple[Twist, list[Reason]]:
+    """Bring a velocity inside one envelope after the other; return it and what moved it."""
+    reasons = []
+    for reason, envelope in narrow:
+        before, twist = twist, envelope.clip(twist)
+        if twist != before:
+            reasons.append(reason)
+    return twist, reasons

@@ -1,0 +1,49 @@
+"""Where the robot is and where it would come to rest, against its fence and its altitude band.
+
+A stop is zero at once; what the robot needs to come to rest after it is taken to be ``v^2 / (2 a)`` at the
+limits' own acceleration. A position that is not a number is outside of everything.
+"""
+
+from __future__ import annotations
+
+import math
+
+from adatracker_deploy.geometry import Pose
+from adatracker_deploy.limits import Limits, encloses
+from adatracker_deploy.platform import Twist
+
+STRAY_M = 0.5
+"""Further outside the altitude band than this, steering back is not trusted any more: a stop latches."""
+
+
+def leaves_fence(limits: Limits, start: Pose, pose: Pose, velocity: Twist) -> bool:
+    """Tell whether a robot that is stopped now would stand outside the fence.
+
+    Args:
+        limits: with the fence, in the frame of `start`: x ahead, y left.
+        start: where it was engaged.
+        pose: where it is.
+        velocity: its own, in its body frame.
+    """
+    braking_s = math.hypot(velocity.vx, velocity.vy) / (2 * limits.accel_m_s2)
+    forth, left = _turned(velocity.vx * braking_s, velocity.vy * braking_s, pose.yaw)
+    x, y = _turned(pose.x + forth - start.x, pose.y + left - start.y, -start.yaw)
+    if limits.fence_corners_m:
+        return not encloses(limits.fence_corners_m, x, y)
+    return not math.hypot(x, y) <= limits.fence_radius_m
+
+
+def rest_height_m(limits: Limits, pose: Pose, velocity: Twist) -> float:
+    """Return the height at which a vertical motion that is stopped now would end."""
+    return pose.z + velocity.vz * abs(velocity.vz) / (2 * limits.accel_m_s2)
+
+
+def strays(band_m: tuple[float, float], height_m: float) -> bool:
+    """Tell whether a height is too far outside the altitude band."""
+    low, high = band_m
+    return not low - STRAY_M <= height_m <= high + STRAY_M
+
+
+def _turned(x: float, y: float, angle_rad: float) -> tuple[float, float]:
+    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
+    return cos * x - sin * y, sin * x + cos * y

@@ -1,0 +1,187 @@
+"""What the robot says of itself stops it for good: takeover, silence, an empty battery, a fence, a height."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from gate_rig import LIMITS, WELL, Gate
+
+from adatracker_deploy.geometry import Pose
+from adatracker_deploy.platform import ZERO, PlatformState, Twist
+from adatracker_deploy.runtime.gate import Reason, Stage, Stop, unwatched
+from adatracker_deploy.runtime.gate.place import STRAY_M
+
+GO = Twist(1.0, yaw_rate=0.5)
+SQUARE = ((-1.0, -1.0), (3.0, -1.0), (3.0, 2.0), (-1.0, 2.0))
+
+
+def stopped(gate: Gate, **robot) -> Stop | None:
+    """Drive a robot that is well, then once one that is not; return what latched."""
+    assert gate.cruise(GO).twist == GO
+    verdict = gate.ask(GO, **robot)
+    assert (verdict.twist == ZERO) is (gate.state.stop is not None)
+    if gate.state.stop is not None:
+        assert (verdict.stage, verdict.reasons) == (gate.state.stop.stage, (gate.state.stop.reason,))
+    return gate.state.stop
+
+
+def test_a_robot_that_has_stopped_is_not_driven_and_its_words_are_kept():
+    words = "the motor driver is too hot"
+    assert stopped(Gate(), stopped=words) == Stop(Reason.ROBOT_STOPPED, words)
+    assert stopped(Gate(), stopped="the pilot", taken_over=True) == Stop(Reason.TAKEOVER, "the pilot")
+    both = {"stopped": "the pilot", "taken_over": True, "engaged": False, "battery": 0.0}
+    assert stopped(Gate(), **both) == Stop(Reason.TAKEOVER, "the pilot")
+
+
+def test_a_robot_that_no_longer_obeys_is_stopped():
+    assert stopped(Gate(), engaged=False) == Stop(Reason.NOT_ENGAGED)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_robot_that_is_not_heard_or_heard_from_the_future_is_stopped(sign):
+    gate = Gate()
+    assert stopped(gate, t_ns=gate.now_ns + round(3.02e9) - sign * 1_000_000_000) is None
+    gate = Gate()
+    old = gate.now_ns + round(3.02e9) - sign * 1_000_000_001
+    assert stopped(gate, t_ns=old) == Stop(Reason.STATE_LOST)
+    assert stopped(Gate(), t_ns=0) == Stop(Reason.STATE_LOST)
+
+
+@pytest.mark.parametrize("charge", [0.2, 0.0, math.nan])
+def test_an_empty_battery_disengages(charge):
+    assert stopped(Gate(), battery=charge) == Stop(Reason.BATTERY, stage=Stage.DISENGAGE)
+
+
+def test_a_low_battery_is_told_and_changes_nothing():
+    gate = Gate()
+    assert stopped(gate, battery=0.201) is None
+    assert gate.ask(GO, battery=0.31).warnings == ()
+    verdict = gate.ask(GO, battery=0.3)
+    assert (verdict.warnings, verdict.reasons, verdict.twist) == ((Reason.BATTERY_LOW,), (), GO)
+    assert gate.ask(GO, battery=math.nan).warnings == (Reason.BATTERY_LOW,)
+    assert gate.ask(GO, battery=0.25).warnings == (Reason.BATTERY_LOW,)  # stopped, and still told
+    assert gate.ask(None, dt_s=0.3, battery=0.25).warnings == (Reason.BATTERY_LOW,)
+
+
+def test_a_low_battery_is_told_also_when_the_command_is_stale():
+    gate = Gate()
+    gate.cruise(GO)
+    verdict = gate.ask(GO, age_s=0.3, battery=0.25)
+    assert (verdict.reasons, verdict.warnings) == ((Reason.STALE,), (Reason.BATTERY_LOW,))
+
+
+@pytest.mark.parametrize("yaw", [0.0, 2.0])
+@pytest.mark.parametrize("bearing", [0.0, 1.0, 3.0, -2.0])
+def test_the_fence_is_a_cylinder_around_where_the_robot_was_engaged(yaw, bearing):
+    start = Pose(x=30.0, y=-20.0, z=2.0, yaw=yaw)
+
+    def at(radius_m):
+        return Pose(30.0 + radius_m * math.cos(bearing), -20.0 + radius_m * math.sin(bearing), 2.0)
+
+    gate = Gate()
+    gate.ask(ZERO, pose=start)
+    assert gate.cruise(GO, pose=at(9.99)).twist == GO
+    gate.ask(GO, pose=at(10.01))
+    assert gate.state.stop == Stop(Reason.GEOFENCE)
+
+
+@pytest.mark.parametrize(
+    ("ahead", "left", "inside"),
+    [
+        (2.9, 1.9, True),
+        (2.9, -0.9, True),
+        (-0.9, -0.9, True),
+        (-0.9, 1.9, True),
+        (3.1, 0.0, False),
+        (-1.1, 0.0, False),
+        (0.0, 2.1, False),
+        (0.0, -1.1, False),
+        (math.nan, 0.0, False),
+        (0.0, math.nan, False),
+    ],
+)
+@pytest.mark.parametrize("yaw", [0.0, math.pi / 2])
+def test_a_polygon_stands_as_the_robot_stood(ahead, left, inside, yaw):
+    gate = Gate(fence_corners_m=SQUARE, fence_radius_m=1.0)  # the polygon replaces the cylinder
+    gate.ask(ZERO, pose=Pose(x=5.0, y=7.0, z=2.0, yaw=yaw))
+    x, y = (ahead, left) if yaw == 0.0 else (-left, ahead)
+    gate.ask(ZERO, pose=Pose(x=5.0 + x, y=7.0 + y, z=2.0, yaw=1.0))
+    assert gate.state.stop == (None if inside else Stop(Reason.GEOFENCE))
+
+
+@pytest.mark.parametrize(
+    ("velocity", "yaw", "reach_m"),
+    [
+        (Twist(2.0), 0.0, 1.0),  # 2 m/s and 2 m/s^2: a metre
+        (Twist(0.0, 2.0), -math.pi / 2, 1.0),
+        (Twist(-2.0), math.pi, 1.0),
+        (Twist(2.0), math.pi / 2, 0.0),
+        (Twist(-2.0), 0.0, -1.0),
+    ],
+)
+def test_the_way_that_braking_needs_counts(velocity, yaw, reach_m):
+    for margin_m, stop in ((0.01, None), (-0.01, Stop(Reason.GEOFENCE))):
+        gate = Gate()
+        gate.ask(ZERO, pose=Pose(z=2.0))
+        aside = 0.0 if reach_m else math.sqrt(100.0 - (10.0 - 1.0) ** 2) - 1.0
+        x = 9.0 if aside else 10.0 - reach_m
+        gate.ask(ZERO, pose=Pose(x=x - margin_m, y=aside, z=2.0, yaw=yaw), velocity=velocity)
+        assert gate.state.stop == stop
+
+
+def test_where_no_velocity_is_measured_what_was_sent_counts():
+    gate = Gate()
+    gate.cruise(Twist(1.0), pose=Pose(z=2.0), velocity=None)
+    gate.ask(Twist(1.0), pose=Pose(x=9.74, z=2.0), velocity=None)
+    assert gate.state.stop is None
+    gate.ask(Twist(1.0), pose=Pose(x=9.76, z=2.0), velocity=None)
+    assert gate.state.stop == Stop(Reason.GEOFENCE)
+
+
+def test_a_position_that_comes_late_begins_the_fence_there():
+    gate = Gate()
+    gate.cruise(GO, pose=None)
+    gate.ask(GO, pose=Pose(x=500.0, z=2.0))
+    gate.ask(GO, pose=None)
+    assert gate.state.start == Pose(x=500.0, z=2.0)
+    gate.ask(GO, pose=Pose(x=511.0, z=2.0))
+    assert gate.state.stop == Stop(Reason.GEOFENCE)
+
+
+@pytest.mark.parametrize("height_m", [1.0 - STRAY_M, 6.0 + STRAY_M, math.nan])
+def test_a_height_far_outside_the_band_stops(height_m):
+    assert STRAY_M == 0.5
+    if not math.isnan(height_m):
+        assert stopped(Gate(), pose=Pose(z=height_m)) is None
+    outside = height_m + math.copysign(0.001, height_m - 3.0)
+    assert stopped(Gate(), pose=Pose(z=outside)) == Stop(Reason.ALTITUDE)
+
+
+def test_a_robot_without_a_band_may_be_anywhere():
+    assert stopped(Gate(altitude_m=None), pose=Pose(z=-50.0)) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "robot"),
+    [
+        ("state_lost", {"t_ns": 0}),
+        ("battery", {"battery": 0.0}),
+        ("geofence", {"pose": Pose(x=1000.0, z=2.0)}),
+        ("altitude", {"pose": Pose(z=1000.0)}),
+    ],
+)
+def test_what_the_profile_switches_off_does_not_stop(name, robot):
+    assert stopped(Gate(), **robot).reason == name
+    gate = Gate(switched_off=(name,))
+    assert stopped(gate, **robot) is None
+    assert gate.ask(GO, **robot).warnings == ()
+
+
+def test_what_the_robot_does_not_tell_stops_nothing_and_is_listed():
+    silent = PlatformState(t_ns=1)
+    assert stopped(Gate(), pose=None, velocity=None, battery=None) is None
+    assert unwatched(LIMITS, WELL) == ()
+    assert unwatched(LIMITS, silent) == (Reason.GEOFENCE, Reason.ALTITUDE, Reason.BATTERY)
+    ground = Gate(altitude_m=None, switched_off=("battery",)).limits
+    assert unwatched(ground, silent) == (Reason.GEOFENCE,)
