@@ -63,6 +63,7 @@ def _parser(*, with_commands: bool) -> argparse.ArgumentParser:
         lists,
         report,
         run,
+        salvage,
         score,
         train,
         view,
@@ -78,6 +79,6 @@ def _parser(*, with_commands: bool) -> argparse.ArgumentParser:
     if not with_commands:
         return parser
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", parser_class=_Parser)
-    for module in (view, score, report, filmstrip, evaluate, collect, train, ablate, lists):
+    for module in (view, score, report, salvage, filmstrip, evaluate, collect, train, ablate, lists):
         module.add_parser(commands)
     return parser

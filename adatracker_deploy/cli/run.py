@@ -73,12 +73,15 @@ def run(args: argparse.Namespace) -> int:
 
     from adatracker_deploy.cli import STARTED_S
     from adatracker_deploy.cli.progress import Progress
+    from adatracker_deploy.trial.salvage import salvage_all
     from adatracker_deploy.trial.summary import summarise_set, summary_table
     from adatracker_deploy.trial_run import run_trial
 
     plans = _plans(args)
     signal.signal(signal.SIGTERM, interrupt)
     console = Console(stderr=args.json)
+    for line in salvage_all(args.log_dir):
+        console.print(line, markup=False, soft_wrap=True)
     summaries: list[dict[str, Any]] = []
     started_s = STARTED_S
     for number, plan in enumerate(plans, start=1):
