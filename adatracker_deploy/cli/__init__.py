@@ -64,6 +64,7 @@ def _parser(*, with_commands: bool) -> argparse.ArgumentParser:
         lists,
         report,
         run,
+        salvage,
         score,
         stop,
         train,
@@ -80,6 +81,7 @@ def _parser(*, with_commands: bool) -> argparse.ArgumentParser:
     if not with_commands:
         return parser
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", parser_class=_Parser)
-    for module in (doctor, stop, view, score, report, filmstrip, evaluate, collect, train, ablate, lists):
+    order = (doctor, stop, view, score, report, filmstrip, salvage, evaluate, collect, train, ablate, lists)
+    for module in order:
         module.add_parser(commands)
     return parser

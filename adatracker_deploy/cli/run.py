@@ -79,10 +79,13 @@ def run(args: argparse.Namespace) -> int:
     """Run the trials, show their scores, and return the exit status."""
     from rich.console import Console
 
+    from adatracker_deploy.trial.salvage import salvage_all
     from adatracker_deploy.trial.summary import summarise_set, summary_table
 
     plans = _plans(args)
     console = Console(stderr=args.json)
+    for line in salvage_all(args.log_dir):
+        console.print(line, markup=False, soft_wrap=True)
     with _stoppable(args, console):
         summaries = _run_all(plans, console)
     console.print(summary_table(summaries))

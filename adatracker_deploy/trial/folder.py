@@ -62,6 +62,15 @@ def writable(folder: Path) -> Iterator[None]:
         ) from error
 
 
+def sync_folder(folder: Path) -> None:
+    """See that a folder's entries outlive a power cut."""
+    fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(fd)
+    finally:
+        os.close(fd)
+
+
 def write_file(path: Path, text: str) -> None:
     """Write a small file whole or not at all, readable by its owner alone."""
     part = path.with_name(path.name + ".part")

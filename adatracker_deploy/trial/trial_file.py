@@ -68,10 +68,7 @@ class TrialFile:
     """
 
     def __init__(self, stream: IO[bytes], metadata: Mapping[str, Mapping[str, str]]) -> None:
-        self._mcap = Writer(
-            stream, compression=CompressionType.NONE, use_chunking=False, index_types=IndexType.METADATA
-        )
-        self._mcap.start(library="adatracker-deploy")
+        self._mcap = start_mcap(stream)
         for name, record in metadata.items():
             self._mcap.add_metadata(name, dict(record))
         self._channels = {
@@ -135,6 +132,15 @@ class TrialFile:
 
     def _write(self, topic: str, wall_ns: int, data: bytes, sequence: int) -> None:
         self._mcap.add_message(self._channels[topic], wall_ns, data, wall_ns, sequence)
+
+
+def start_mcap(stream: IO[bytes]) -> Writer:
+    """Begin an MCAP file whose records each stand alone."""
+    mcap = Writer(
+        stream, compression=CompressionType.NONE, use_chunking=False, index_types=IndexType.METADATA
+    )
+    mcap.start(library="adatracker-deploy")
+    return mcap
 
 
 def _descriptor_set(descriptor: Any) -> bytes:

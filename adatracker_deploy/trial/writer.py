@@ -12,6 +12,7 @@ whole tick and left as ``.part``, readable so far.
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import os
 import signal
 import socket
@@ -22,6 +23,7 @@ from typing import Any, cast
 
 import cv2
 
+from adatracker_deploy.trial.folder import sync_folder
 from adatracker_deploy.trial.handover import (
     End,
     Free,
@@ -43,6 +45,7 @@ class WholeTicks:
 
     def __init__(self, path: Path) -> None:
         self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        fcntl.flock(self._fd, fcntl.LOCK_EX)  # as long as it is held, nobody takes the log for unfinished
         self._end = 0
         self._pending = bytearray()
 
@@ -99,6 +102,9 @@ class TrialWriter:
             self._file = WholeTicks(part)
             self._trial = TrialFile(cast("Any", self._file), start.metadata)
             self._file.flush()
+            self._file.sync()
+            sync_folder(part.parent)
+            sync_folder(part.parent.parent)
         except OSError as error:
             self._tell(Trouble(f"{part}: {error.strerror}"))
             return
@@ -110,7 +116,7 @@ class TrialWriter:
             self._file.sync()
             self._file.close()
             part.rename(path)
-            _sync_folder(path.parent)
+            sync_folder(path.parent)
         except OSError as error:
             self._tell(Trouble(f"the log ends early: {part}: {error.strerror}"))
             self._drain()
@@ -166,14 +172,6 @@ class TrialWriter:
     def _tell(self, message: Ready | Free | Trouble) -> None:
         with contextlib.suppress(OSError):  # a tracker that has gone need not be told
             self._post.send(message, timeout_s=1.0)
-
-
-def _sync_folder(folder: Path) -> None:
-    fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(fd)
-    finally:
-        os.close(fd)
 
 
 def main() -> None:
