@@ -125,14 +125,3 @@ def score_steps(records: Sequence[StepRecord], max_lost_steps: int = MAX_LOST_ST
         ar=math.fsum(rewards) if rewards else None,
         lost=score.lost,
     )
-
-
-def mean_std(values: Sequence[float]) -> tuple[float, float | None]:
-    """Return the mean and the sample standard deviation (ddof = 1), which a single value does not have.
-
-    Raises:
-        ValueError: there are no values.
-    """
-    if not values:
-        raise ValueError("no values to average")
-    return statistics.fmean(values), statistics.stdev(values) if len(values) > 1 else None

@@ -13,7 +13,8 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from adatracker_deploy.trial.metrics import mean_std, score_boxes, score_steps
+from adatracker_deploy.stats.intervals import mean_std
+from adatracker_deploy.trial.metrics import score_boxes, score_steps
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

@@ -12,7 +12,6 @@ from adatracker_deploy.messages import Box
 from adatracker_deploy.trial.metrics import (
     MAX_LOST_STEPS,
     box_reward,
-    mean_std,
     score_boxes,
     score_steps,
     step_reward,
@@ -110,11 +109,6 @@ def test_visible_means_in_the_mask_within_ninety_degrees_and_seven_and_a_half_me
     assert not target_visible(7.51, 0.0, in_mask=True)
     assert not target_visible(2.5, edge + 0.01, in_mask=True)
     assert not target_visible(2.5, 0.0, in_mask=False)
-
-
-def test_the_std_is_that_of_a_sample_and_one_value_has_none():
-    assert mean_std([1.0, 2.0, 3.0]) == (2.0, 1.0)
-    assert mean_std([4.0]) == (4.0, None)
 
 
 @given(st.lists(st.none() | boxes, max_size=200))
