@@ -55,7 +55,18 @@ def _hear_interrupts() -> None:
 
 def _parser(*, with_commands: bool) -> argparse.ArgumentParser:
     """Return the parser; without commands a misspelt option is not taken for one of them."""
-    from adatracker_deploy.cli import ablate, collect, evaluate, filmstrip, lists, run, score, train, view
+    from adatracker_deploy.cli import (
+        ablate,
+        collect,
+        compare,
+        evaluate,
+        filmstrip,
+        lists,
+        run,
+        score,
+        train,
+        view,
+    )
 
     parser = _Parser(
         prog="adatracker-deploy",
@@ -67,6 +78,6 @@ def _parser(*, with_commands: bool) -> argparse.ArgumentParser:
     if not with_commands:
         return parser
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", parser_class=_Parser)
-    for module in (view, score, filmstrip, evaluate, collect, train, ablate, lists):
+    for module in (view, score, compare, filmstrip, evaluate, collect, train, ablate, lists):
         module.add_parser(commands)
     return parser

@@ -73,7 +73,8 @@ def run(args: argparse.Namespace) -> int:
 
     from adatracker_deploy.cli import STARTED_S
     from adatracker_deploy.cli.progress import Progress
-    from adatracker_deploy.trial.summary import summarise_set, summary_table
+    from adatracker_deploy.trial.summary import summarise_set
+    from adatracker_deploy.trial.summary_table import summary_table
     from adatracker_deploy.trial_run import run_trial
 
     plans = _plans(args)
