@@ -58,6 +58,7 @@ def _parser(*, with_commands: bool) -> argparse.ArgumentParser:
     from adatracker_deploy.cli import (
         ablate,
         collect,
+        compare,
         doctor,
         evaluate,
         filmstrip,
@@ -81,7 +82,21 @@ def _parser(*, with_commands: bool) -> argparse.ArgumentParser:
     if not with_commands:
         return parser
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", parser_class=_Parser)
-    order = (doctor, stop, view, score, report, filmstrip, salvage, evaluate, collect, train, ablate, lists)
+    order = (
+        doctor,
+        stop,
+        view,
+        score,
+        compare,
+        report,
+        filmstrip,
+        salvage,
+        evaluate,
+        collect,
+        train,
+        ablate,
+        lists,
+    )
     for module in order:
         module.add_parser(commands)
     return parser

@@ -80,7 +80,8 @@ def run(args: argparse.Namespace) -> int:
     from rich.console import Console
 
     from adatracker_deploy.trial.salvage import salvage_all
-    from adatracker_deploy.trial.summary import summarise_set, summary_table
+    from adatracker_deploy.trial.summary import summarise_set
+    from adatracker_deploy.trial.summary_table import summary_table
 
     plans = _plans(args)
     console = Console(stderr=args.json)

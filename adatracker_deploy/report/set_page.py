@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.evaluation.intervals import Estimate, mean_estimate, share_estimate
 from adatracker_deploy.report.charts import Stairs, key, number, sparkline, stairs
 from adatracker_deploy.report.markup import Html, tag
 from adatracker_deploy.report.page import MISSING, badge, figure, page, section, shortened, table, tiles
-from adatracker_deploy.report.survival import Life, survival_curve
+from adatracker_deploy.stats.intervals import Estimate, mean_estimate, share_estimate
+from adatracker_deploy.stats.survival import kaplan_meier
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -113,10 +113,12 @@ def _survival(groups: dict[str, list[Summary]]) -> Html:
     last = max((row["el"] for rows in groups.values() for row in rows), default=0) or 1
     curves, keys = [], []
     for place, (name, rows) in enumerate(groups.items()):
-        lives = [Life(row["el"], failed=row["outcome"] != "completed") for row in rows]
+        lengths = [row["el"] for row in rows]
+        failed = [row["outcome"] != "completed" for row in rows]
+        falls = kaplan_meier(lengths, failed)
         look = f"c-{place % LOOKS}"
-        curves.append(Stairs(look, survival_curve(lives), max(life.steps for life in lives)))
-        reached = sum(not life.failed for life in lives)
+        curves.append(Stairs(look, [(0, 1.0), *((fall.at, fall.survival) for fall in falls)], max(lengths)))
+        reached = failed.count(False)
         keys.append(key(f"{name}: n = {len(rows)}, {reached} reached the horizon", look))
     return section(
         "How long they followed",

@@ -1,4 +1,4 @@
-"""The paper's metrics as pure functions: MR, EL, SR, and AR where the truth is known.
+"""The paper's metrics as pure functions: MR, EL, and AR where the truth is known.
 
 Source: AdaTracker, section "Experimental Setup" (task setting, evaluation metrics), with its gaps closed:
 
@@ -6,21 +6,23 @@ Source: AdaTracker, section "Experimental Setup" (task setting, evaluation metri
   box would score itself. Here the step that gives the reference is left out: L + 1 ticks give L scored steps.
 * A step without a box has R = 0. Leaving lost steps out would turn a trial that sees its target for one tenth
   of the time into a good one; what it would say is reported beside it, as `mr_visible` and `visibility`.
-* A trial ends at the 50th lost step in a row (the published simulator ends at the 51st: `max_lost_steps`).
+* A trial ends at the 50th lost step in a row.
+
+What the paper prints and what its simulator's code does instead are `Rules`.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import statistics
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from adatracker_deploy.messages import Box
-    from adatracker_deploy.trial.record import StepRecord
 
 DESIRED_DISTANCE_M = 2.5
 """rho* of the task setting."""
@@ -65,11 +67,47 @@ def ticks_until_lost(seen: Iterable[bool], max_lost_steps: int = MAX_LOST_STEPS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Rules:
+    """How to score; the defaults are this toolkit's."""
+
+    max_lost_steps: int = MAX_LOST_STEPS
+    """So many lost steps in a row end a trial; at least 1. The published simulator's code says 51."""
+    count_reference: bool = False
+    """Sum R from the reference itself, R = 1, as the paper prints its formula: a perfect trial exceeds 1."""
+    least_reward: float = -math.inf
+    """No step's reward in AR is less. The published simulator's code says -1."""
+
+
+class ScorableStep(Protocol):
+    """What scoring needs of a tick; `StepRecord` and `ScoredStep` have it."""
+
+    @property
+    def step(self) -> int:
+        """From 0."""
+
+    @property
+    def box(self) -> Box | None:
+        """Normalised; None while lost."""
+
+    @property
+    def distance_m(self) -> float | None:
+        """Truth, horizontal."""
+
+    @property
+    def bearing_rad(self) -> float | None:
+        """Truth, positive to the left."""
+
+
+DEFAULT_RULES = Rules()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Score:
     """One trial in numbers."""
 
     mr: float
-    """Mean R over the scored steps, lost ones as 0; in [0, 1]. 0 when the trial ended before its first."""
+    """Mean R over the scored steps, lost ones as 0; in [0, 1], but for `Rules.count_reference`. 0 when the
+    trial ended before its first."""
     mr_visible: float | None
     """Mean R over the steps with a box; None without any."""
     visibility: float
@@ -80,59 +118,55 @@ class Score:
     """Accumulated reward; None where the truth is unknown."""
     lost: bool = False
     """It ended by the rule of lost steps."""
+    ticks: int = 0
+    """That were scored, the reference's included; what came after the end was not."""
+    bad_boxes: int = 0
+    """Boxes that are none (not finite, without a size), counted as lost."""
 
 
-def score_boxes(boxes: Sequence[Box | None], max_lost_steps: int = MAX_LOST_STEPS) -> Score:
+def is_box(box: Box) -> bool:
+    """Tell whether a box has finite numbers and a size."""
+    return box.w > 0 and box.h > 0 and math.isfinite(box.cx + box.cy + box.w + box.h)
+
+
+def score_boxes(boxes: Sequence[Box | None], rules: Rules = DEFAULT_RULES) -> Score:
     """Score one box a tick, None where the target is lost; the first box is the reference.
 
-    Ticks before the first box count as lost. Ticks after the end of the trial, by the rule of lost steps, do
-    not count at all.
+    Ticks before the first box count as lost, and so does a box that is none. Ticks after the end of the
+    trial, by the rule of lost steps, do not count at all.
     """
-    end = ticks_until_lost((box is not None for box in boxes), max_lost_steps)
-    counted = boxes[:end]
-    visible = [box for box in counted if box is not None]
+    seen = [box if box is not None and is_box(box) else None for box in boxes]
+    end = ticks_until_lost((box is not None for box in seen), rules.max_lost_steps)
+    visible = [box for box in seen[:end] if box is not None]
     rewards = [box_reward(box, visible[0]) for box in visible[1:]]
-    el = max(0, len(counted) - 1)
+    ticks = len(seen[:end])
+    el = max(0, ticks - 1)
+    total = math.fsum(rewards) + (1.0 if rules.count_reference and visible else 0.0)
     return Score(
-        mr=math.fsum(rewards) / el if el else 0.0,
+        mr=total / el if el else 0.0,
         mr_visible=statistics.fmean(rewards) if rewards else None,
         visibility=len(rewards) / el if el else 0.0,
         el=el,
         lost=end is not None,
+        ticks=ticks,
+        bad_boxes=sum(box is not None for box in boxes[:ticks]) - len(visible),
     )
 
 
-def score_steps(records: Sequence[StepRecord], max_lost_steps: int = MAX_LOST_STEPS) -> Score:
+def score_steps(records: Sequence[ScorableStep], rules: Rules = DEFAULT_RULES) -> Score:
     """Score a trial's log, ordered by step; AR is the sum of the reward over all steps after the first tick.
 
     A tick that is missing from the log (a busy writer drops rather than delays) is one tick fewer in every
     mean; `el` counts it, because the steps carry their numbers.
     """
-    score = score_boxes([record.box for record in records], max_lost_steps)
+    score = score_boxes([record.box for record in records], rules)
     if not records:
         return score
-    counted = records[: score.el + 1]
     rewards = [
-        step_reward(record.distance_m, record.bearing_rad)
-        for record in counted[1:]
+        max(step_reward(record.distance_m, record.bearing_rad), rules.least_reward)
+        for record in records[1 : score.ticks]
         if record.distance_m is not None and record.bearing_rad is not None
     ]
-    return Score(
-        mr=score.mr,
-        mr_visible=score.mr_visible,
-        visibility=score.visibility,
-        el=counted[-1].step,
-        ar=math.fsum(rewards) if rewards else None,
-        lost=score.lost,
+    return dataclasses.replace(
+        score, el=records[score.ticks - 1].step, ar=math.fsum(rewards) if rewards else None
     )
-
-
-def mean_std(values: Sequence[float]) -> tuple[float, float | None]:
-    """Return the mean and the sample standard deviation (ddof = 1), which a single value does not have.
-
-    Raises:
-        ValueError: there are no values.
-    """
-    if not values:
-        raise ValueError("no values to average")
-    return statistics.fmean(values), statistics.stdev(values) if len(values) > 1 else None

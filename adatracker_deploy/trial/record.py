@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from adatracker_deploy.geometry import Pose
 from adatracker_deploy.messages import Box
@@ -75,3 +75,20 @@ class StepRecord:
     """Truth, in simulation only: within 90 degrees and 7.5 m, and in the mask."""
     target: str | None = None
     """What is known of the target: tracked, coasting, reacquired or lost; absent where no lock keeps it."""
+
+    @property
+    def sensor_to_command_ms(self) -> float:
+        """From the frame's capture to the set-point handed to the link."""
+        return self.latency.sensor_to_command_ms
+
+
+class ScoredStep(NamedTuple):
+    """As much of a tick as scoring needs; the fields are `StepRecord`'s."""
+
+    step: int
+    t_ns: int
+    box: Box | None
+    sensor_to_command_ms: float
+    missed_deadlines: int
+    distance_m: float | None
+    bearing_rad: float | None

@@ -18,7 +18,8 @@ import types
 import typing
 from typing import TYPE_CHECKING, Any
 
-from adatracker_deploy.trial.record import StepRecord
+from adatracker_deploy.messages import Box
+from adatracker_deploy.trial.record import ScoredStep, StepRecord
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 STEP_SCHEMA_NAME = "adatracker.Step"
 STEP_FORMAT = 1
 """Raised when a field changes its meaning; fields may be added without."""
+
+_SCORED = (b'"box":', b'"step":', b'"t_ns":', b'"missed_deadlines":', b'"distance_m":', b'"bearing_rad":')
 
 _PLAIN = {bool: "boolean", int: "integer", float: "number", str: "string"}
 
@@ -46,6 +49,28 @@ def step_from_json(data: bytes) -> StepRecord:
     except (KeyError, TypeError, AttributeError) as error:
         raise ValueError(f"not a step record: {error}") from error
     return record
+
+
+def scored_step_from_json(data: bytes) -> ScoredStep:
+    """Decode as much of a record as scoring needs, without looking at the rest.
+
+    Raises:
+        ValueError: as `step_from_json`, for what is read.
+    """
+    try:
+        value = json.loads(_without_the_middle(data).decode())  # told its encoding, it need not guess
+        box = value.get("box")
+        return ScoredStep(
+            _whole(value["step"]),
+            _whole(value["t_ns"]),
+            box and Box(float(box["cx"]), float(box["cy"]), float(box["w"]), float(box["h"])),
+            float(value["latency"]["sensor_to_command_ms"]),
+            _whole(value["missed_deadlines"]),
+            _number(value.get("distance_m")),
+            _number(value.get("bearing_rad")),
+        )
+    except (KeyError, TypeError, AttributeError) as error:
+        raise ValueError(f"not a step record: {error}") from error
 
 
 def step_schema() -> bytes:
@@ -90,6 +115,28 @@ def _builder(hint: Any) -> Callable[[Any], Any]:
         return value
 
     return checked
+
+
+def _without_the_middle(data: bytes) -> bytes:
+    """Cut out the fields between box and latency: they are most of a record, and none is scored.
+
+    The bytes looked for cannot be part of a text, where JSON writes quotation marks escaped. A record whose
+    fields are in another order than `step_to_json` writes them stays whole.
+    """
+    start, end = data.find(b',"confidence":'), data.find(b',"latency":')
+    if not 0 < start < end or any(data.find(name, start, end) >= 0 for name in _SCORED):
+        return data
+    return data[:start] + data[end:]
+
+
+def _whole(value: Any) -> int:
+    if not isinstance(value, int):
+        raise TypeError(f"expected int, got {value!r}")
+    return value
+
+
+def _number(value: Any) -> float | None:
+    return None if value is None else float(value)
 
 
 @functools.cache

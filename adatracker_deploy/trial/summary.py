@@ -1,35 +1,32 @@
-"""What a trial, and a set of trials, came to: the JSON that runs and `score` print, and the tables.
+"""What a trial, and a set of trials, came to: the JSON that runs and `score` print.
 
 Keys are a contract: more may be added, none is renamed. Lengths are in m, times in s unless the key says ms.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rich import box
-from rich.console import Group
-from rich.table import Table
-from rich.text import Text
 
-from adatracker_deploy.trial.metrics import mean_std, score_boxes, score_steps
+from adatracker_deploy.stats.intervals import mean_estimate, mean_std, share_estimate
+from adatracker_deploy.stats.survival import kaplan_meier, median_duration
+from adatracker_deploy.trial.metrics import DEFAULT_RULES, Rules, score_boxes, score_steps
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
 
-    from rich.console import RenderableType
-
-    from adatracker_deploy.messages import Box
-    from adatracker_deploy.trial.reader import Trial
-    from adatracker_deploy.trial.record import Outcome, StepRecord
+    from adatracker_deploy.trial.box_file import BoxTrack
+    from adatracker_deploy.trial.reader import ScoredTrial, Trial
+    from adatracker_deploy.trial.record import Outcome, ScoredStep, StepRecord
 
 Summary = dict[str, Any]
 
 
 def summarise(
-    records: Sequence[StepRecord],
+    records: Sequence[StepRecord | ScoredStep],
     *,
     platform: str,
     policy: str,
@@ -38,6 +35,7 @@ def summarise(
     steps: int,
     stop_s: float | None,
     trial: Path,
+    rules: Rules = DEFAULT_RULES,
 ) -> Summary:
     """Sum up one trial.
 
@@ -50,8 +48,11 @@ def summarise(
         steps: the planned horizon; `el` says how many were reached.
         stop_s: from the stop to standstill; None where the robot was not moving.
         trial: its folder.
+        rules: how to score. Where they end the trial sooner than it ended, it was lost.
     """
-    score = score_steps(records)
+    score = score_steps(records, rules)
+    if score.lost and (score.ticks < len(records) or outcome == "completed"):
+        outcome, reason = "lost", f"scored so: the target was not seen for {rules.max_lost_steps} steps"
     return {
         "platform": platform,
         "policy": policy,
@@ -62,23 +63,25 @@ def summarise(
         "el": score.el,
         "ar": score.ar,
         "steps": steps,
-        **_timing(records),
+        **_timing(records[: score.ticks]),
         "stop_s": stop_s,
         "reason": reason,
         "trial": str(trial),
+        "bad_boxes": score.bad_boxes,
     }
 
 
-def summarise_log(trial: Trial) -> Summary:
+def summarise_log(trial: Trial | ScoredTrial, rules: Rules = DEFAULT_RULES) -> Summary:
     """Sum up a trial from its log alone, as the run itself did at its end.
 
-    A log without the run's own summary is that of a run that died: outcome ``system_fault``.
+    A log without the run's own summary is that of a run that died: outcome ``system_fault``. `episode` says
+    what a rehearsal was dealt; trials of equal episodes can be compared in pairs.
     """
     ended: Mapping[str, Any] = trial.summary or {
         "outcome": "system_fault",
         "reason": "the log ends without a summary: the run was killed, or its disk ran full",
     }
-    return summarise(
+    summary = summarise(
         trial.steps,
         platform=trial.platform,
         policy=trial.policy,
@@ -87,12 +90,20 @@ def summarise_log(trial: Trial) -> Summary:
         steps=trial.planned_steps,
         stop_s=ended.get("stop_s"),
         trial=trial.path.parent,
+        rules=rules,
     )
+    dealt = {key: trial.config.get(key) for key in ("seed", "scene", "target_speed_m_s")}
+    return {
+        **summary,
+        "kind": trial.kind,
+        "episode": dealt if trial.kind == "sitl" and dealt["seed"] is not None else None,
+        "complete": trial.complete,
+    }
 
 
-def summarise_boxes(boxes: Sequence[Box | None], path: Path) -> Summary:
-    """Sum up a plain file of boxes, which knows neither robot nor time."""
-    score = score_boxes(boxes)
+def summarise_boxes(track: BoxTrack, path: Path, rules: Rules = DEFAULT_RULES) -> Summary:
+    """Sum up a plain file of boxes, which knows no robot, and whose own end is its horizon."""
+    score = score_boxes(track.boxes, rules)
     return {
         "platform": None,
         "policy": None,
@@ -102,95 +113,65 @@ def summarise_boxes(boxes: Sequence[Box | None], path: Path) -> Summary:
         "visibility": score.visibility,
         "el": score.el,
         "ar": None,
-        "steps": len(boxes) - 1,
+        "steps": len(track.boxes) - 1,
+        "rate_hz": track.rate_hz,
+        "seconds": score.el / track.rate_hz if track.rate_hz else None,
         "trial": str(path),
+        "bad_boxes": score.bad_boxes,
     }
 
 
 def summarise_set(summaries: Sequence[Summary]) -> Summary:
-    """Put several trials together: `trials`, and `mean` and `std` of mr, el, sr, and of ar if all have it.
+    """Put several trials together: `trials`, and what `statistics_of` says of them.
 
-    Where there are several platforms or policies, `groups` gives each its own `mean` and `std`. SR is the
-    share of trials that were completed. The std is the sample's (ddof = 1); one trial has None.
+    Where there are several platforms or policies, `groups` says it of each.
 
     Raises:
         ValueError: there are none.
     """
-    groups = _by_method(summaries)
-    table: Summary = {"trials": list(summaries), **_averages(summaries)}
+    groups = by_method(summaries)
+    table: Summary = {"trials": list(summaries), **statistics_of(summaries)}
     if len(groups) > 1:
         table["groups"] = [
-            {"platform": platform, "policy": policy, **_averages(group)}
+            {"platform": platform, "policy": policy, **statistics_of(group)}
             for (platform, policy), group in groups.items()
         ]
     return table
 
 
-def summary_table(summaries: Sequence[Summary]) -> RenderableType:
-    """Draw a row for each trial and, below, the rows of the paper's real-world table: MR, EL, SR."""
-    trials = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for column in ("#", "outcome", "MR", "MR seen", "seen", "EL", "AR", "Hz", "p99 ms", "missed"):
-        trials.add_column(column, justify="left" if column == "outcome" else "right", no_wrap=True)
-    for number, row in enumerate(summaries, start=1):
-        trials.add_row(
-            str(number),
-            row["outcome"],
-            _number(row["mr"], 2),
-            _number(row["mr_visible"], 2),
-            f"{row['visibility']:.0%}",
-            f"{row['el']}/{row['steps']}",
-            _number(row["ar"], 0),
-            _number(row.get("rate_hz"), 1),
-            _number(row.get("latency_ms", {}).get("p99"), 1),
-            _number(row.get("missed_deadlines"), 0),
-        )
-    paper = Table(box=box.SIMPLE_HEAD, caption="mean ± std over trials", caption_justify="left")
-    for column in ("platform", "policy", "trials", "MR", "EL", "SR"):
-        paper.add_column(column, justify="left" if column in ("platform", "policy") else "right")
-    for (platform, policy), group in _by_method(summaries).items():
-        columns = {key: mean_std(values) for key, values in _columns(group).items()}
-        paper.add_row(
-            platform or "-",
-            policy or "-",
-            str(len(group)),
-            _plus_minus(columns["mr"], 2),
-            _plus_minus(columns["el"], 0),
-            _number(columns["sr"][0], 2),
-        )
-    logs = [Text(f"  {number:3d}  {row['trial']}") for number, row in enumerate(summaries, start=1)]
-    return Group(trials, *logs, paper)
+def statistics_of(summaries: Sequence[Summary]) -> Summary:
+    """Return `mean`, `std` and 95 % `interval` of mr, el and sr, of ar if all have it; and how trials ended.
 
+    SR is the share of trials that were completed. The std is the sample's (ddof = 1); one trial has None.
+    Intervals are Student's, SR's is Wilson's; a bound that does not exist is None. `outcomes` counts them,
+    `censored` says how many trials reached the horizon, so that their EL is a lower bound, and `survival` is
+    the Kaplan-Meier curve of EL, by its falls, with its median where it reaches one half.
 
-def _timing(records: Sequence[StepRecord]) -> Summary:
-    """Rate over the whole trial, and sensor-to-command latency; None where there is nothing to time."""
-    if not records:
-        return {"rate_hz": None, "seconds": 0.0, "latency_ms": _percentiles([]), "missed_deadlines": 0}
-    first, last = records[0], records[-1]
-    seconds = (last.t_ns - first.t_ns) / 1e9
+    Raises:
+        ValueError: there are none.
+    """
+    values = columns_of(summaries)
+    spread = {key: mean_std(column) for key, column in values.items()}
+    completed = [row["outcome"] == "completed" for row in summaries]
+    estimates = {key: mean_estimate(column) for key, column in values.items()}
+    estimates["sr"] = share_estimate(sum(completed), len(completed))
+    falls = kaplan_meier([row["el"] for row in summaries], [not done for done in completed])
     return {
-        "rate_hz": (last.step - first.step) / seconds if seconds > 0 else None,
-        "seconds": seconds,
-        "latency_ms": _percentiles([record.latency.sensor_to_command_ms for record in records]),
-        "missed_deadlines": last.missed_deadlines,
+        "mean": {key: mean for key, (mean, _) in spread.items()},
+        "std": {key: std for key, (_, std) in spread.items()},
+        "interval": {key: estimate.bounds for key, estimate in estimates.items()},
+        "outcomes": dict(Counter(row["outcome"] for row in summaries)),
+        "censored": sum(completed),
+        "survival": [
+            {"el": fall.at, "at_risk": fall.at_risk, "failed": fall.failed, "survival": fall.survival}
+            for fall in falls
+        ],
+        "median_el": median_duration(falls),
     }
 
 
-def _percentiles(values_ms: Sequence[float]) -> dict[str, float | None]:
-    if not values_ms:
-        return {"p50": None, "p99": None, "max": None}
-    p50, p99, highest = np.percentile(values_ms, (50, 99, 100))
-    return {"p50": float(p50), "p99": float(p99), "max": float(highest)}
-
-
-def _averages(summaries: Sequence[Summary]) -> Summary:
-    averaged = {key: mean_std(values) for key, values in _columns(summaries).items()}
-    return {
-        "mean": {key: mean for key, (mean, _) in averaged.items()},
-        "std": {key: std for key, (_, std) in averaged.items()},
-    }
-
-
-def _columns(summaries: Sequence[Summary]) -> dict[str, list[float]]:
+def columns_of(summaries: Sequence[Summary]) -> dict[str, list[float]]:
+    """Return the metrics' values by name; ar only if every trial has it."""
     columns: dict[str, list[float]] = {
         "mr": [row["mr"] for row in summaries],
         "el": [row["el"] for row in summaries],
@@ -201,17 +182,30 @@ def _columns(summaries: Sequence[Summary]) -> dict[str, list[float]]:
     return columns
 
 
-def _by_method(summaries: Iterable[Summary]) -> dict[tuple[str | None, str | None], list[Summary]]:
+def by_method(summaries: Iterable[Summary]) -> dict[tuple[str | None, str | None], list[Summary]]:
+    """Sort trials by platform and policy, in the order in which they first come."""
     groups: dict[tuple[str | None, str | None], list[Summary]] = {}
     for row in summaries:
         groups.setdefault((row["platform"], row["policy"]), []).append(row)
     return groups
 
 
-def _number(value: float | None, digits: int) -> str:
-    return "-" if value is None else f"{value:.{digits}f}"
+def _timing(records: Sequence[StepRecord | ScoredStep]) -> Summary:
+    """Rate over the whole trial, and sensor-to-command latency; None where there is nothing to time."""
+    if not records:
+        return {"rate_hz": None, "seconds": 0.0, "latency_ms": _percentiles([]), "missed_deadlines": 0}
+    first, last = records[0], records[-1]
+    seconds = (last.t_ns - first.t_ns) / 1e9
+    return {
+        "rate_hz": (last.step - first.step) / seconds if seconds > 0 else None,
+        "seconds": seconds,
+        "latency_ms": _percentiles([record.sensor_to_command_ms for record in records]),
+        "missed_deadlines": last.missed_deadlines,
+    }
 
 
-def _plus_minus(mean_and_std: tuple[float, float | None], digits: int) -> str:
-    mean, std = mean_and_std
-    return _number(mean, digits) if std is None else f"{mean:.{digits}f} ± {std:.{digits}f}"
+def _percentiles(values_ms: Sequence[float]) -> dict[str, float | None]:
+    if not values_ms:
+        return {"p50": None, "p99": None, "max": None}
+    p50, p99, highest = np.percentile(values_ms, (50, 99, 100))
+    return {"p50": float(p50), "p99": float(p99), "max": float(highest)}

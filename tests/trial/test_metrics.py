@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from adatracker_deploy.messages import Box
 from adatracker_deploy.trial.metrics import (
     MAX_LOST_STEPS,
+    Rules,
     box_reward,
-    mean_std,
     score_boxes,
     score_steps,
     step_reward,
@@ -21,7 +21,8 @@ from adatracker_deploy.trial.metrics import (
 from tests.trial.records import REFERENCE, a_step
 
 fraction = st.floats(0, 1)
-boxes = st.builds(Box, fraction, fraction, fraction, fraction)
+size = st.floats(0.001, 1)
+boxes = st.builds(Box, fraction, fraction, size, size)
 short_trials = st.lists(st.none() | boxes, max_size=MAX_LOST_STEPS)
 """Too short to end by the rule of lost steps."""
 
@@ -78,7 +79,7 @@ def test_forty_nine_lost_steps_do_not_end_it():
 def test_the_published_simulator_needs_one_lost_step_more():
     fifty_lost = [REFERENCE, *[None] * 50]
     assert score_boxes(fifty_lost).lost
-    assert not score_boxes(fifty_lost, max_lost_steps=51).lost
+    assert not score_boxes(fifty_lost, Rules(max_lost_steps=51)).lost
 
 
 @pytest.mark.parametrize(
@@ -112,9 +113,36 @@ def test_visible_means_in_the_mask_within_ninety_degrees_and_seven_and_a_half_me
     assert not target_visible(2.5, 0.0, in_mask=False)
 
 
-def test_the_std_is_that_of_a_sample_and_one_value_has_none():
-    assert mean_std([1.0, 2.0, 3.0]) == (2.0, 1.0)
-    assert mean_std([4.0]) == (4.0, None)
+def test_the_papers_printed_sum_counts_the_reference_and_so_exceeds_one():
+    printed = Rules(count_reference=True)
+    assert score_boxes([REFERENCE] * 11, printed).mr == pytest.approx(11 / 10)
+    moved = Box(0.8, 0.9, 0.2, 0.4)  # R = 2/3
+    assert score_boxes([REFERENCE, moved, None], printed).mr == pytest.approx((1 + 2 / 3 + 0) / 2)
+    assert score_boxes([REFERENCE, moved, None], printed).mr_visible == pytest.approx(2 / 3)
+    assert score_boxes([None, None, None], printed).mr == 0
+
+
+def test_the_simulators_code_lets_no_reward_fall_below_minus_one():
+    steps = [a_step(0), a_step(1), a_step(2, bearing_rad=math.pi)]
+    assert score_steps(steps).ar == pytest.approx(1 + (1 - 4))
+    assert score_steps(steps, Rules(least_reward=-1.0)).ar == pytest.approx(1 - 1)
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [Box(math.nan, 0.5, 0.2, 0.4), Box(0.5, math.inf, 0.2, 0.4), Box(0.5, 0.5, -0.2, 0.4), Box(0, 0, 0, 0)],
+)
+def test_a_box_that_is_none_counts_as_lost_and_is_told(bad):
+    score = score_boxes([bad, REFERENCE, REFERENCE, bad, None, REFERENCE])
+    assert score.bad_boxes == 2
+    assert (score.mr, score.visibility, score.el) == (2 / 5, 2 / 5, 5)
+
+
+def test_of_a_trial_that_ended_only_what_came_before_is_summed():
+    steps = [a_step(step, box=REFERENCE if step < 3 else None) for step in range(80)]
+    score = score_steps(steps, Rules(max_lost_steps=10))
+    assert (score.lost, score.el, score.ticks) == (True, 12, 13)
+    assert score.ar == pytest.approx(12)
 
 
 @given(st.lists(st.none() | boxes, max_size=200))
@@ -131,6 +159,19 @@ def test_losing_one_step_more_never_raises_mr(trial, first, data):
     lost = data.draw(st.integers(1, len(trial))) if len(trial) > 1 else len(trial)
     worse = [None if tick == lost else box for tick, box in enumerate(trial)]
     assert score_boxes(worse).mr <= score_boxes(trial).mr + 1e-12
+
+
+@given(st.lists(st.none() | boxes, min_size=1, max_size=120), boxes, st.data())
+def test_losing_one_step_more_never_raises_the_sum_of_r_nor_the_length(trial, first, data):
+    """MR itself may rise where the trial then ends sooner: it is a mean, to be read beside EL."""
+    lost = data.draw(st.integers(1, len(trial)))
+    trial = [first, *trial]
+    before = score_boxes(trial, Rules(max_lost_steps=10))
+    after = score_boxes(
+        [None if tick == lost else box for tick, box in enumerate(trial)], Rules(max_lost_steps=10)
+    )
+    assert after.el <= before.el
+    assert after.mr * after.el <= before.mr * before.el + 1e-9
 
 
 @given(boxes, boxes)

@@ -8,10 +8,12 @@ import json
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from mcap.writer import MCAP0_MAGIC, Writer
+from mcap.records import Channel, Message, Metadata, Schema
+from mcap.stream_reader import StreamReader
+from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from adatracker_deploy.errors import UsageError
-from adatracker_deploy.trial.reader import find_trials, read_trial
+from adatracker_deploy.trial.reader import find_trials, read_scored, read_trial
 from tests.trial.records import a_step, a_trial
 
 STEPS = 6
@@ -99,6 +101,56 @@ def test_a_log_of_a_newer_format_asks_for_an_update(whole, tmp_path):
     file.write_bytes(content.replace(b"step_format\x01\x00\x00\x001", b"step_format\x01\x00\x00\x009"))
     with pytest.raises(UsageError, match="newer version"):
         read_trial(file)
+
+
+def test_a_log_of_an_older_format_says_what_would_read_it(whole, tmp_path):
+    file = tmp_path / "trial.mcap"
+    file.write_bytes(
+        whole.read_bytes().replace(b"step_format\x01\x00\x00\x001", b"step_format\x01\x00\x00\x000")
+    )
+    with pytest.raises(
+        UsageError, match=r"older version .* step format 0.* score it with adatracker-deploy \d"
+    ):
+        read_scored(file)
+
+
+def test_scoring_reads_of_every_tick_what_reading_it_whole_gives(whole):
+    trial, scored = read_trial(whole), read_scored(whole)
+    for name in ("path", "planned_steps", "config", "summary", "events", "complete"):
+        assert getattr(scored, name) == getattr(trial, name)
+    for mark, record in zip(scored.steps, trial.steps, strict=True):
+        assert {name: getattr(record, name) for name in mark._fields} == mark._asdict()
+
+
+@pytest.mark.parametrize("compression", [CompressionType.NONE, CompressionType.LZ4, CompressionType.ZSTD])
+def test_a_file_that_other_tools_rewrote_in_chunks_reads_the_same(whole, tmp_path, compression):
+    file = tmp_path / "trial.mcap"
+    rewrite(whole, file, compression)
+    again, trial = read_trial(file), read_trial(whole)
+    assert (again.steps, again.events, again.config) == (trial.steps, trial.events, trial.config)
+    assert [frame.seq for frame in again.frames()] == [frame.seq for frame in trial.frames()]
+
+
+def rewrite(source, target, compression):
+    """Write a log's records again as the public tools do by default: in compressed chunks."""
+    with source.open("rb") as stream, target.open("wb") as out:
+        writer, ids = Writer(out, compression=compression, chunk_size=2000), {}
+        writer.start()
+        schemas = {}
+        for record in StreamReader(stream).records:
+            if isinstance(record, Schema):
+                schemas[record.id] = writer.register_schema(record.name, record.encoding, record.data)
+            elif isinstance(record, Channel) and record.id not in ids:
+                schema = schemas[record.schema_id]
+                ids[record.id] = writer.register_channel(record.topic, record.message_encoding, schema)
+            elif isinstance(record, Message):
+                channel = ids[record.channel_id]
+                writer.add_message(
+                    channel, record.log_time, record.data, record.publish_time, record.sequence
+                )
+            elif isinstance(record, Metadata):
+                writer.add_metadata(record.name, record.metadata)
+        writer.finish()
 
 
 def test_trials_are_found_in_folders_of_folders_whole_or_not(whole, tmp_path):

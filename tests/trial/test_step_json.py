@@ -11,7 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from adatracker_deploy.trial.record import StepRecord
-from adatracker_deploy.trial.step_json import step_from_json, step_schema, step_to_json
+from adatracker_deploy.trial.step_json import (
+    scored_step_from_json,
+    step_from_json,
+    step_schema,
+    step_to_json,
+)
 from tests.trial.records import a_step
 
 records = st.builds(StepRecord)
@@ -57,3 +62,25 @@ def test_the_schema_requires_what_is_always_there():
     bare = a_step(0, box=None, pose=None, velocity=None, battery=None, state_age_s=math.inf)
     bare = dataclasses.replace(bare, distance_m=None, bearing_rad=None, target_visible=None)
     assert required == set(json.loads(step_to_json(bare)))
+
+
+@given(records)
+def test_scoring_reads_of_a_record_what_reading_it_whole_gives(record):
+    mark = scored_step_from_json(step_to_json(record))
+    assert repr({name: getattr(record, name) for name in mark._fields}) == repr(mark._asdict())
+
+
+@pytest.mark.parametrize("data", [b"{}", b"[]", b"{", b'{"step":"one"}', b"\xff"])
+def test_scoring_refuses_what_is_no_record(data):
+    with pytest.raises(ValueError):  # noqa: PT011  JSON's own errors are as good
+        scored_step_from_json(data)
+
+
+@given(st.data())
+def test_scoring_reads_a_record_whatever_order_its_fields_are_in(data):
+    texts = {"mode": ',"confidence":1,"box":"\\', "gate": (',"latency":',)}
+    record = a_step(7, **texts)
+    shuffled = dict(data.draw(st.permutations(list(json.loads(step_to_json(record)).items()))))
+    mark = scored_step_from_json(json.dumps(shuffled, separators=(",", ":")).encode())
+    assert mark == scored_step_from_json(step_to_json(record))
+    assert mark._asdict() == {name: getattr(record, name) for name in mark._fields}

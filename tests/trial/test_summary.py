@@ -9,7 +9,8 @@ import pytest
 from rich.console import Console
 
 from adatracker_deploy.trial.record import Latency
-from adatracker_deploy.trial.summary import summarise, summarise_set, summary_table
+from adatracker_deploy.trial.summary import summarise, summarise_set
+from adatracker_deploy.trial.summary_table import summary_table
 from tests.trial.records import TICK_NS, a_step
 
 CONTRACT = {

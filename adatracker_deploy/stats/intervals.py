@@ -1,4 +1,4 @@
-"""95 % intervals: Student's t for means, Wilson's for shares. Pure functions of numbers."""
+"""Means, spreads and 95 % intervals: Student's t for means, Wilson's score for shares."""
 
 from __future__ import annotations
 
@@ -31,6 +31,17 @@ class Estimate:
     def bounds(self) -> list[float | None]:
         """Both bounds, None where there is none."""
         return [bound if math.isfinite(bound) else None for bound in (self.low, self.high)]
+
+
+def mean_std(values: Sequence[float]) -> tuple[float, float | None]:
+    """Return the mean and the sample standard deviation (ddof = 1), which a single value does not have.
+
+    Raises:
+        ValueError: there are no values.
+    """
+    if not values:
+        raise ValueError("no values to average")
+    return statistics.fmean(values), statistics.stdev(values) if len(values) > 1 else None
 
 
 def mean_estimate(values: Sequence[float]) -> Estimate:
@@ -87,6 +98,24 @@ def share_estimate(hits: int, count: int) -> Estimate:
     low = 0.0 if hits == 0 else middle - half
     high = 1.0 if hits == count else middle + half
     return Estimate(hits / count, low, high)
+
+
+def share_difference(hits: int, count: int, other_hits: int, other_count: int) -> Estimate:
+    """Return share less share of independent trials, with Newcombe's interval from both Wilson intervals.
+
+    Source: R. G. Newcombe, "Interval estimation for the difference between independent proportions", 1998,
+    method 10.
+
+    Raises:
+        ValueError: there are no trials on a side, or hits are no part of them.
+    """
+    ours, theirs = share_estimate(hits, count), share_estimate(other_hits, other_count)
+    less = ours.value - theirs.value
+    return Estimate(
+        less,
+        less - math.hypot(ours.value - ours.low, theirs.high - theirs.value),
+        less + math.hypot(ours.high - ours.value, theirs.value - theirs.low),
+    )
 
 
 @functools.lru_cache(maxsize=256)

@@ -1,0 +1,162 @@
+"""What ``score`` and ``compare`` share: the options of scoring, and trials gathered from paths."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import re
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from adatracker_deploy.errors import UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from adatracker_deploy.trial.box_file import BoxOptions
+    from adatracker_deploy.trial.metrics import Rules
+    from adatracker_deploy.trial.summary import Summary
+
+
+def add_scoring_options(parser: argparse.ArgumentParser) -> None:
+    """Add the rules of scoring and what box files do not say themselves."""
+    rules = parser.add_argument_group("how to score (the defaults are this toolkit's; docs/scoring.md)")
+    rules.add_argument(
+        "--lost-steps",
+        metavar="N",
+        type=_at_least_one,
+        default=50,
+        help="lost steps in a row that end a trial (default: 50, as in the paper; its simulator's code: 51)",
+    )
+    rules.add_argument(
+        "--count-reference",
+        action="store_true",
+        help="MR as the paper's formula is printed, summed from the reference on: a perfect trial exceeds 1",
+    )
+    rules.add_argument(
+        "--least-reward",
+        metavar="R",
+        type=_finite,
+        default=-math.inf,
+        help="no step's reward in AR is less (default: no floor, as the paper; its simulator's code: -1)",
+    )
+    rules.add_argument(
+        "--drop-short",
+        metavar="N",
+        type=_at_least_one,
+        help="leave out trials of N steps or fewer, as the published evaluation script does with 100; "
+        "how many is said (default: every trial counts)",
+    )
+    boxes = parser.add_argument_group("plain files of boxes")
+    boxes.add_argument("--image-size", metavar="WxH", type=_image_size, help="of the boxes' images, px")
+    boxes.add_argument(
+        "--absent",
+        metavar="FILE",
+        type=Path,
+        help="0 or 1 for each box: 1 is lost (default: FILE.absent.txt, where it lies beside FILE.txt)",
+    )
+    boxes.add_argument("--id", metavar="N", type=int, help="whose boxes, in a MOT file of several targets")
+    boxes.add_argument("--rate", metavar="HZ", type=_positive, help="boxes a second, for EL in seconds")
+
+
+def gather(paths: Sequence[Path], args: argparse.Namespace, *, boxes: bool = False) -> list[Summary]:
+    """Score everything that the paths name; what is bad costs a line on stderr, not the others.
+
+    Args:
+        paths: trials, box files, folders of either.
+        args: with the options of `add_scoring_options`.
+        boxes: these are box files, whatever their names.
+
+    Raises:
+        UsageError: nothing could be scored.
+    """
+    from adatracker_deploy.trial.sources import find_box_files, find_sources, summarise_source
+
+    rules, options = _rules(args), _box_options(args)
+    summaries: list[Summary] = []
+    errors: list[UsageError] = []
+    for path in paths:
+        try:
+            found = find_box_files(path) if boxes else find_sources(path)
+        except UsageError as error:
+            errors.append(error)
+            continue
+        if args.absent is not None and (len(found) > 1 or len(paths) > 1):
+            raise UsageError("--absent is for one file of boxes; of several, each has its own beside it")
+        for source in found:
+            try:
+                summaries.append(summarise_source(source, rules, options, boxes=boxes))
+            except UsageError as error:
+                errors.append(error)
+    if not summaries and len(errors) == 1:
+        raise errors[0]
+    for bad in errors:
+        _say(f"left out: {bad}")
+    kept = [row for row in summaries if args.drop_short is None or row["el"] > args.drop_short]
+    if len(kept) < len(summaries):
+        _say(f"left out: {len(summaries) - len(kept)} trials of {args.drop_short} steps or fewer")
+    for row in kept:
+        _remark(row)
+    if not kept:
+        raise UsageError("none of these could be scored")
+    return kept
+
+
+def _remark(row: Summary) -> None:
+    if row["bad_boxes"]:
+        _say(f"{row['trial']}: {row['bad_boxes']} boxes with NaN or a negative size, counted as lost")
+    if row.get("complete") is False:
+        _say(f"{row['trial']}: the log was cut short, scored up to its last whole record")
+
+
+def _say(line: str) -> None:
+    print(f"adatracker-deploy: {line}", file=sys.stderr)
+
+
+def _rules(args: argparse.Namespace) -> Rules:
+    from adatracker_deploy.trial.metrics import Rules
+
+    return Rules(
+        max_lost_steps=args.lost_steps,
+        count_reference=args.count_reference,
+        least_reward=args.least_reward,
+    )
+
+
+def _box_options(args: argparse.Namespace) -> BoxOptions:
+    from adatracker_deploy.trial.box_file import BoxOptions
+
+    return BoxOptions(image_size=args.image_size, absent=args.absent, target=args.id, rate_hz=args.rate)
+
+
+def _image_size(text: str) -> tuple[int, int]:
+    match = re.fullmatch(r"([1-9]\d{0,4})[xX]([1-9]\d{0,4})", text)
+    if match is None:
+        raise argparse.ArgumentTypeError(
+            f"expected WIDTHxHEIGHT in pixels, for example 1280x720, got {text!r}"
+        )
+    return int(match[1]), int(match[2])
+
+
+def _at_least_one(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"expected a whole number of at least 1, got {text!r}")
+    return int(text)
+
+
+def _finite(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"expected a number, got {text!r}")
+    return value
+
+
+def _positive(text: str) -> float:
+    value = _finite(text)
+    if value <= 0:
+        raise argparse.ArgumentTypeError(f"expected a number above 0, got {text!r}")
+    return value

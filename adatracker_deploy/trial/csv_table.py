@@ -1,0 +1,27 @@
+"""Trials as CSV, a line each, for spreadsheets and for whoever plots them."""
+
+from __future__ import annotations
+
+import csv
+import io
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from adatracker_deploy.trial.summary import Summary
+
+COLUMNS = (
+    "trial", "platform", "policy", "outcome", "mr", "mr_visible", "visibility", "el", "steps", "seconds",
+    "rate_hz", "ar", "missed_deadlines", "bad_boxes", "reason",
+)  # fmt: skip
+"""Keys of a trial's summary; what a trial does not have is empty."""
+
+
+def csv_table(summaries: Sequence[Summary]) -> str:
+    """Return a line of names and a line a trial, in full precision (RFC 4180, but lines end in a newline)."""
+    out = io.StringIO()
+    writer = csv.DictWriter(out, COLUMNS, extrasaction="ignore", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(summaries)
+    return out.getvalue()

@@ -1,0 +1,69 @@
+"""What can be scored, and where: trials, plain box files, and folders of either."""
+
+from __future__ import annotations
+
+import contextlib
+from typing import TYPE_CHECKING
+
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.trial.box_file import ABSENT_SUFFIX, read_boxes
+from adatracker_deploy.trial.folder import FILE_NAME
+from adatracker_deploy.trial.reader import find_trials, read_scored
+from adatracker_deploy.trial.summary import summarise_boxes, summarise_log
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from adatracker_deploy.trial.box_file import BoxOptions
+    from adatracker_deploy.trial.metrics import Rules
+    from adatracker_deploy.trial.summary import Summary
+
+TRIAL_SUFFIXES = (".mcap", ".part")
+BOX_SUFFIXES = (".txt", ".csv")
+
+
+def find_sources(path: Path) -> list[Path]:
+    """Return what a path names: a file itself; of a folder the trials below it, or else its box files.
+
+    Raises:
+        UsageError: there is nothing.
+    """
+    if not path.is_dir():
+        return [path]
+    with contextlib.suppress(UsageError):
+        return find_trials(path)
+    return find_box_files(path)
+
+
+def find_box_files(path: Path) -> list[Path]:
+    """Return a file itself, or the box files in a folder and below it, sorted; flags of absence are none.
+
+    Raises:
+        UsageError: there is none.
+    """
+    if not path.is_dir():
+        return [path]
+    files = [file for suffix in BOX_SUFFIXES for file in path.rglob(f"*{suffix}")]
+    files = sorted(file for file in files if not file.name.endswith(ABSENT_SUFFIX))
+    if not files:
+        raise UsageError(
+            f"{path}: no trials in it: no folder here has a {FILE_NAME}, and no .txt or .csv holds boxes"
+        )
+    return files
+
+
+def summarise_source(path: Path, rules: Rules, options: BoxOptions, *, boxes: bool = False) -> Summary:
+    """Score a trial, by its folder or file, or a box file.
+
+    Args:
+        path: one of `find_sources`.
+        rules: how to score.
+        options: what a box file does not say itself.
+        boxes: it is a box file, whatever its name.
+
+    Raises:
+        UsageError: it cannot be scored.
+    """
+    if not boxes and (path.is_dir() or path.suffix in TRIAL_SUFFIXES or not path.exists()):
+        return summarise_log(read_scored(path), rules)
+    return summarise_boxes(read_boxes(path, options), path, rules)
