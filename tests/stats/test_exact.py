@@ -91,7 +91,9 @@ def test_more_ways_than_can_be_counted_are_sampled_and_agree(monkeypatch):
         assert whole.exact
         assert not part.exact
         assert part.p == pytest.approx(whole.p, abs=4 * (whole.p / exact.SAMPLED_WAYS) ** 0.5)
-    assert permutation([1.0] * 9, [0.0] * 9).p > 0, "a sample can never say impossible"
+    monkeypatch.setattr(exact, "SAMPLED_WAYS", 200)
+    never_drawn = permutation([1.0] * 20, [0.0] * 20)
+    assert never_drawn.p == 1 / 201, "a sample can never say impossible"
 
 
 def test_a_test_at_five_percent_is_wrong_in_at_most_five_of_a_hundred(measured):

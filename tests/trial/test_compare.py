@@ -8,6 +8,7 @@ import pytest
 
 from adatracker_deploy.cli import main
 from adatracker_deploy.errors import UsageError
+from adatracker_deploy.stats.intervals import mean_estimate
 from adatracker_deploy.trial.compare import compare
 from tests.trial.records import a_step, a_trial
 
@@ -67,6 +68,7 @@ def test_equal_rehearsals_are_compared_in_pairs_whatever_their_order():
     assert found.paired
     mr = by_metric(found)["mr"]
     assert (mr.method, mr.test.p) == ("sign_flip", 0.0625)
+    assert mr.estimate == mean_estimate([b - a for a, b in zip(BAD, GOOD, strict=True)])
     assert "not separable at n = 5" in mr.words
     assert "cannot give p < 0.062, whatever they show" in mr.words
     assert by_metric(found)["sr"].method == "fisher"
