@@ -1,4 +1,4 @@
-"""The command, with a segmenter that goes wrong after the robot has followed for two seconds.
+"""The command, with a segmenter that goes wrong when the robot has followed for some seconds.
 
 The first argument says how. A file named ``onset`` gets the machine's monotonic time, ns, of when it did.
 """
@@ -16,7 +16,7 @@ from adatracker_deploy.cli import main
 from adatracker_deploy.messages import Box
 from adatracker_deploy.perception import segmenters
 
-SIGHTS = 40
+SIGHTS = 60
 STALL_S = 2.0
 
 

@@ -26,7 +26,8 @@ from .painted import COLUMNS, RATE_HZ, ROWS, painted, painted_film, red_detector
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(120)]
 
-TICK_S = 0.05
+TICK_S = 0.1
+"""Of the default policy."""
 LIMIT_S = 0.3
 """From the onset to the last command's being zero."""
 BUSY_S = 0.25
@@ -60,7 +61,7 @@ def stopped_for_good(folder: Path, onset_ns: int, what: str, measured) -> None:
         if step.latency.observation_age_ms > STALE_OBSERVATION_S * 1e3:
             assert (step.box, step.action, step.command) == (None, (), ZERO)
     driven_ns = [step.t_ns for step in trial.steps if step.command != ZERO]
-    assert len(driven_ns) > 10
+    assert len(driven_ns) > 5
     zero_s = (driven_ns[-1] - onset_ns) / 1e9 + TICK_S  # or sooner: the trial may have ended before that tick
     measured(f"dry or wheeled, {what}: zero within {zero_s:.2f} s")
     assert zero_s < LIMIT_S + BUSY_S
