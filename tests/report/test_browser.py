@@ -46,18 +46,22 @@ def visit(page, folder):
 
 
 def test_pages_of_hostile_trials_are_shown_without_a_word_or_a_request(tmp_path):
-    varied, hostile = (gather(make(tmp_path / name)) for make, name in (
-        (a_varied_trial, "varied"), (a_hostile_trial, "hostile")
-    ))  # fmt: skip
-    for name, html in {
-        "one": trial_page(hostile, moments(hostile.trial)),
-        "set": set_page([varied, hostile]),
-    }.items():
-        page = tmp_path / f"{name}.html"
-        page.write_text(html)
-        console, requests, document = visit(page, tmp_path)
-        assert (console, requests) == ([], [])
-        assert "</footer>" in document
+    varied, hostile = (
+        gather(a_varied_trial(tmp_path / "varied")),
+        gather(a_hostile_trial(tmp_path / "hostile")),
+    )
+    (tmp_path / "one.html").write_text(trial_page(hostile, moments(hostile.trial)))
+    (tmp_path / "set.html").write_text(set_page([varied, hostile]))
+    both = tmp_path / "both.html"
+    frames = [
+        f"<iframe src={name}.html onload=\"document.title += '{name} '\"></iframe>" for name in ("one", "set")
+    ]
+    both.write_text("".join(frames))
+    console, requests, document = visit(both, tmp_path)
+    assert (console, requests) == ([], [])
+    title = document.partition("</title>")[0]
+    assert "one" in title, "the page of a trial was not shown"
+    assert "set" in title, "the page of a set was not shown"
 
 
 def test_a_page_that_asks_or_complains_would_be_noticed(tmp_path):

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 
 from adatracker_deploy.cli import main
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.errors import PlatformError, UsageError
 from adatracker_deploy.trial.reader import read_trial
 from adatracker_deploy.trial.salvage import salvage, salvage_all
 from tests.trial.records import a_frame, a_log, a_step, a_trial, an_observation
@@ -129,6 +129,17 @@ def test_the_next_run_salvages_what_is_in_its_folder_and_says_so_in_a_line_each(
     assert lines[0] == f"salvaged {tmp_path / 'a'}: the log of 8 steps was unfinished"
     assert lines[1].startswith("warning: ")
     assert read_trial(tmp_path / "a").complete
+
+
+def test_a_run_salvages_before_its_first_trial(whole, tmp_path, capsys, monkeypatch):
+    def no_robot(*_):
+        assert (tmp_path / "old" / "trial.mcap").exists()
+        raise PlatformError("no robot here")
+
+    monkeypatch.setattr("adatracker_deploy.trial_run.run_trial", no_robot)
+    a_part(tmp_path / "old", whole[:-100])
+    assert main(["--platform", "wheeled", "--sitl", "--log-dir", str(tmp_path)]) == 1
+    assert capsys.readouterr().out.splitlines()[0].startswith(f"salvaged {tmp_path / 'old'}: ")
 
 
 def test_the_command_salvages_a_file_or_a_folder_and_score_works_on_it(whole, tmp_path, capsys):

@@ -1,0 +1,72 @@
+"""What the log's writer brings to the disk, and when."""
+
+from __future__ import annotations
+
+import os
+import threading
+
+import pytest
+
+from adatracker_deploy.trial import writer
+from adatracker_deploy.trial.handover import LogLine, PictureSlots, Post, Ready, Start
+
+METADATA = {"trial": {"step_format": "1"}, "config": {"yaml": "{}"}}
+
+
+@pytest.fixture
+def writing(tmp_path, monkeypatch):
+    """A writer in a thread: its post, its file, what was synced and when."""
+    synced, changed = [], threading.Condition()
+
+    def note(what):
+        with changed:
+            synced.append(what)
+            changed.notify_all()
+
+    class Noted(writer.WholeTicks):
+        def sync(self):
+            super().sync()
+            note(self.tell())
+
+    monkeypatch.setattr(writer, "WholeTicks", Noted)
+    monkeypatch.setattr(writer, "SYNC_INTERVAL_S", 0.01)
+    monkeypatch.setattr(
+        writer, "sync_folder", lambda folder: note((folder, sorted(file.name for file in folder.iterdir())))
+    )
+    near, far = Post.pair()
+    memory = PictureSlots.allocate()
+    folder = tmp_path / "trial"
+    folder.mkdir()
+    thread = threading.Thread(target=writer.TrialWriter(Post(far), PictureSlots(memory)).run)
+    thread.start()
+    post = Post(near)
+    post.send(Start(str(folder / "trial.mcap.part"), str(folder / "trial.mcap"), METADATA), 10)
+    assert isinstance(post.receive(10), Ready)
+    yield post, folder, synced, changed
+    post.finish()
+    thread.join(10)
+    post.close()
+    os.close(memory)
+
+
+def test_before_it_says_ready_the_new_file_and_its_folders_would_outlive_a_power_cut(writing):
+    _, folder, synced, _ = writing
+    size = (folder / "trial.mcap.part").stat().st_size
+    assert synced == [size, (folder, ["trial.mcap.part"]), (folder.parent, ["trial"])]
+
+
+def test_what_was_written_is_synced_soon_though_nothing_more_comes(writing):
+    post, folder, synced, changed = writing
+    before = (folder / "trial.mcap.part").stat().st_size
+    post.send(LogLine(1, "info", "the wind freshens"), 10)
+    with changed:
+        assert changed.wait_for(lambda: isinstance(synced[-1], int) and synced[-1] > before, 10)
+        assert synced[-1] == (folder / "trial.mcap.part").stat().st_size
+
+
+def test_at_the_end_the_file_is_synced_then_named_then_its_folder_is_synced(writing):
+    post, folder, synced, changed = writing
+    post.finish()
+    with changed:
+        assert changed.wait_for(lambda: synced[-1] == (folder, ["trial.mcap"]), 10)
+        assert synced[-2] == (folder / "trial.mcap").stat().st_size
