@@ -67,6 +67,7 @@ def test_the_ramp_is_closed_before_the_first_motion_and_open_without_one():
     assert ramped(LIMITS, still, START_NS + 10**9) == 0.0
     moving = replace(still, moving_ns=START_NS)
     assert ramped(LIMITS, moving, START_NS + 10**8) == pytest.approx(0.2)
+    assert ramped(LIMITS, moving, START_NS + 10**10) == 1.0
     assert ramped(replace(LIMITS, switched_off=("ramp",)), still, START_NS) == 1.0
 
 
@@ -86,7 +87,7 @@ def test_without_the_ramp_only_acceleration_and_jerk_hold_back():
 
 def test_a_target_that_is_too_close_stops_forward_motion_at_once_and_nothing_else():
     gate = Gate()
-    gate.cruise(Twist(1.0, 0.1, 0.1, 0.5), share=0.3)
+    assert gate.cruise(Twist(1.0, 0.1, 0.1, 0.5), share=0.3).twist.vx == 1.0
     verdict = gate.ask(Twist(1.0, 0.1, 0.1, 0.5), share=0.301)
     assert verdict.twist == Twist(0.0, 0.1, 0.1, 0.5)
     assert (verdict.stage, verdict.reasons[0]) == (Stage.OBEY, Reason.TOO_CLOSE)
