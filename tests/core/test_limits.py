@@ -103,6 +103,10 @@ def test_a_point_on_an_edge_that_two_polygons_share_is_in_one_of_them():
     assert (encloses(left, 0.5, 1.0), encloses(above, 0.5, 1.0)) == (False, True)
 
 
+def test_a_first_edge_that_slants_counts_once():
+    assert encloses(((-2.0, -2.0), (2.0, -1.0), (0.0, 2.0)), -1.0, -1.5)
+
+
 @given(st.floats(-3, 3), st.floats(-3, 3))
 def test_a_slanting_edge_divides_the_plane_where_it_runs(x, y):
     triangle = ((-2.0, -2.0), (2.0, -1.0), (0.0, 2.0))

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
-from gate_rig import LIMITS, STEP_S, Gate
+from gate_rig import LIMITS, START_NS, STEP_S, Gate
 
 from adatracker_deploy.geometry import Pose
 from adatracker_deploy.platform import ZERO, Twist
-from adatracker_deploy.runtime.gate import Reason, Stage
-from adatracker_deploy.runtime.gate.envelope import Envelope
+from adatracker_deploy.runtime.gate import GateState, Reason, Stage
+from adatracker_deploy.runtime.gate.envelope import Envelope, ramped
 
 FULL = Envelope(forward=1.5, backward=0.5, lateral=0.3, up=0.8, down=0.8, yaw_rate=1.2)
 FAST = Twist(9.0, 9.0, 9.0, 9.0)
@@ -61,6 +62,15 @@ def test_the_ramp_opens_the_envelope_from_the_first_motion_on():
     assert verdict.reasons == ()
 
 
+def test_the_ramp_is_closed_before_the_first_motion_and_open_without_one():
+    still = GateState(armed_ns=START_NS)
+    assert ramped(LIMITS, still, START_NS + 10**9) == 0.0
+    moving = replace(still, moving_ns=START_NS)
+    assert ramped(LIMITS, moving, START_NS + 10**8) == pytest.approx(0.2)
+    assert ramped(LIMITS, moving, START_NS + 10**10) == 1.0
+    assert ramped(replace(LIMITS, switched_off=("ramp",)), still, START_NS) == 1.0
+
+
 def test_the_ramp_is_named_while_it_holds_back():
     gate = Gate(ramp_s=2.0)
     assert gate.ask(ZERO).reasons == ()
@@ -77,7 +87,7 @@ def test_without_the_ramp_only_acceleration_and_jerk_hold_back():
 
 def test_a_target_that_is_too_close_stops_forward_motion_at_once_and_nothing_else():
     gate = Gate()
-    gate.cruise(Twist(1.0, 0.1, 0.1, 0.5), share=0.3)
+    assert gate.cruise(Twist(1.0, 0.1, 0.1, 0.5), share=0.3).twist.vx == 1.0
     verdict = gate.ask(Twist(1.0, 0.1, 0.1, 0.5), share=0.301)
     assert verdict.twist == Twist(0.0, 0.1, 0.1, 0.5)
     assert (verdict.stage, verdict.reasons[0]) == (Stage.OBEY, Reason.TOO_CLOSE)
