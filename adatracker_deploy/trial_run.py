@@ -212,6 +212,7 @@ class _Trial:
         )
         gc.collect()
         gc.freeze()  # a full collection of a warm process takes longer than a tick may be late
+        self.link.send(ZERO, self.clock.now_ns())  # what was just done may have taken a while
         try:
             return loop.run(plan.steps)
         finally:
