@@ -143,11 +143,16 @@ FILMS = ("03_skateboarder.mp4", "05_default_juggle.mp4", "bedroom.mp4")
 SEEN = {TargetState.TRACKED, TargetState.REACQUIRED}
 
 
+in_one_process = pytest.mark.xdist_group("films")
+"""They share what takes half a minute."""
+
+
 @pytest.fixture(scope="module")
 def films():
     return {name: watched(name) for name in FILMS}
 
 
+@in_one_process
 @needs_video
 def test_in_two_of_three_films_with_a_moving_camera_the_person_is_kept_to_the_end(films, measured):
     kept = []
@@ -160,6 +165,7 @@ def test_in_two_of_three_films_with_a_moving_camera_the_person_is_kept_to_the_en
     assert sum(kept) >= 2
 
 
+@in_one_process
 @needs_video
 @pytest.mark.parametrize("name", FILMS)
 def test_from_one_frame_to_the_next_the_box_is_never_somebody_elses(films, name):
@@ -170,6 +176,7 @@ def test_from_one_frame_to_the_next_the_box_is_never_somebody_elses(films, name)
             assert overlap(before.box, after.box) > 1 / 3, f"frames {before.seq} and {after.seq}"
 
 
+@in_one_process
 @needs_video
 @pytest.mark.parametrize("name", FILMS)
 def test_states_boxes_and_masks_say_the_same(films, name):
