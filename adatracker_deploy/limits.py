@@ -5,7 +5,7 @@ Every limit is on by default. `Limits.switched_off` is the only way to do withou
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Annotated, Literal
 
@@ -77,6 +77,17 @@ class Limits:
             raise UsageError(
                 "limits: fence_corners_m: [0, 0], where the robot is engaged, is not inside the polygon"
             )
+
+    def capped(self, share: float) -> Limits:
+        """Return these with every speed, and the yaw rate, times `share`, 0 to 1."""
+        return replace(
+            self,
+            forward_m_s=share * self.forward_m_s,
+            backward_m_s=share * self.backward_m_s,
+            lateral_m_s=share * self.lateral_m_s,
+            vertical_m_s=share * self.vertical_m_s,
+            yaw_rate_rad_s=share * self.yaw_rate_rad_s,
+        )
 
 
 def encloses(corners: tuple[tuple[float, float], ...], x: float, y: float) -> bool:

@@ -48,6 +48,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     how.add_argument("--trials", type=_whole(1, 1000), default=1, help="trials, seeds from --seed up")
     how.add_argument("--seed", type=_whole(0, 2**31 - 1), default=0, help="of the world and the simulation")
     how.add_argument(
+        "--speed-cap",
+        type=_number(0.01, 1),
+        default=1.0,
+        metavar="SHARE",
+        help="of the profile's speeds, turning too: 0.25 for the first steps of a real robot (default: 1)",
+    )
+    how.add_argument(
         "--stop-fd",
         type=_whole(0, 65535),
         metavar="N",
@@ -174,6 +181,8 @@ def _plan(args: argparse.Namespace, name: str) -> TrialPlan:
         raise UsageError("--speed is for rehearsals: a real robot cannot be sped up; add --sitl")
     platform = load_platform(name)
     profile = load_profile(args.profile or platform.default_profile, platform)
+    if args.speed_cap < 1:
+        profile = dataclasses.replace(profile, limits=profile.limits.capped(args.speed_cap))
     uri = args.camera or profile.camera.uri
     if args.camera or not args.sitl:  # a far end brings its own
         check_uri(uri)

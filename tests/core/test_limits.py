@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -26,6 +28,15 @@ def test_everything_is_on_by_default():
     assert made.switched_off == ()
     assert (made.fence_corners_m, made.altitude_m) == ((), None)
     assert made.battery_stop < made.battery_warn
+
+
+@given(st.floats(0.01, 1))
+def test_a_cap_takes_its_share_of_every_speed_and_of_nothing_else(share):
+    made = limits(lateral_m_s=0.5, vertical_m_s=2, forward_m_s=4, yaw_rate_rad_s=3, switched_off=["jerk"])
+    before, after = dataclasses.asdict(made), dataclasses.asdict(made.capped(share))
+    for name in ("forward_m_s", "backward_m_s", "lateral_m_s", "vertical_m_s", "yaw_rate_rad_s"):
+        assert after.pop(name) == share * before.pop(name)
+    assert after == before
 
 
 def test_what_fits_is_taken():
