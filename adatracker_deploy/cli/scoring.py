@@ -49,7 +49,12 @@ def add_scoring_options(parser: argparse.ArgumentParser) -> None:
         "how many is said (default: every trial counts)",
     )
     boxes = parser.add_argument_group("plain files of boxes")
-    boxes.add_argument("--image-size", metavar="WxH", type=_image_size, help="of the boxes' images, px")
+    boxes.add_argument(
+        "--image-size",
+        metavar="WxH",
+        type=_image_size,
+        help="of the boxes' images, px (default: seqinfo.ini's, or the smallest usual size that holds them)",
+    )
     boxes.add_argument(
         "--absent",
         metavar="FILE",
@@ -76,7 +81,7 @@ def gather(paths: Sequence[Path], args: argparse.Namespace, *, boxes: bool = Fal
     rules, options = _rules(args), _box_options(args)
     summaries: list[Summary] = []
     errors: list[UsageError] = []
-    for path in paths:
+    for path in _without_flags(paths):
         try:
             found = find_box_files(path) if boxes else find_sources(path)
         except UsageError as error:
@@ -103,7 +108,21 @@ def gather(paths: Sequence[Path], args: argparse.Namespace, *, boxes: bool = Fal
     return kept
 
 
+def _without_flags(paths: Sequence[Path]) -> list[Path]:
+    """Return the paths less the flags of absence of others among them, as a shell's pattern gives both."""
+    from adatracker_deploy.trial.box_file import ABSENT_SUFFIX
+
+    flags = {path.with_name(path.stem + ABSENT_SUFFIX) for path in paths}
+    return [path for path in paths if path not in flags]
+
+
 def _remark(row: Summary) -> None:
+    if row.get("assumed_size"):
+        width, height = row["assumed_size"]
+        _say(
+            f"{row['trial']}: scored as of {width}x{height}, the smallest usual size that holds its boxes; "
+            "say better with --image-size"
+        )
     if row["bad_boxes"]:
         _say(f"{row['trial']}: {row['bad_boxes']} boxes with NaN or a negative size, counted as lost")
     if row.get("complete") is False:

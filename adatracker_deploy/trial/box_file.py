@@ -22,11 +22,25 @@ from adatracker_deploy.errors import UsageError
 from adatracker_deploy.messages import Box
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
 ABSENT_SUFFIX = ".absent.txt"
 """FILE.txt is read with FILE.absent.txt, where that lies beside it."""
 _MOT_COLUMNS = (6, 7, 9, 10)
+_USUAL_SIZES = (
+    (320, 240),
+    (480, 360),
+    (640, 360),
+    (640, 480),
+    (768, 576),
+    (960, 540),
+    (1024, 768),
+    (1280, 720),
+    (1280, 960),
+    (1920, 1080),
+    (2560, 1440),
+    (3840, 2160),
+)
 _SEPARATORS = re.compile(r"[,;\s]+")
 
 
@@ -35,7 +49,7 @@ class BoxOptions:
     """What a box file does not say itself."""
 
     image_size: tuple[int, int] | None = None
-    """Width and height, px; None where a seqinfo.ini says it."""
+    """Width and height, px; None where a seqinfo.ini says it, or `usual_size` is to be taken."""
     absent: Path | None = None
     """A file of flags, 0 or 1 for each box: at 1 the target is not in sight."""
     target: int | None = None
@@ -51,6 +65,8 @@ class BoxTrack:
     boxes: tuple[Box | None, ...]
     """Normalised. A line that is no box (NaN, a negative size) is here as it stands, for scoring to tell."""
     rate_hz: float | None
+    assumed_size: tuple[int, int] | None = None
+    """Width and height, px, where nobody said them and `usual_size` was taken."""
 
 
 def read_boxes(path: Path, options: BoxOptions) -> BoxTrack:
@@ -61,17 +77,13 @@ def read_boxes(path: Path, options: BoxOptions) -> BoxTrack:
     over, which is how MOTChallenge marks what is not to be considered.
 
     Raises:
-        UsageError: a file cannot be read, is empty, or has a line that is something else; the image's size or
-            the target's id is not known; the flags are not as many as the boxes.
+        UsageError: a file cannot be read, is empty, or has a line that is something else; the target's id is
+            not known; the flags are not as many as the boxes.
     """
     rows = _rows(path)
     info = _sequence_info(path)
-    size = options.image_size or _size_of(info)
-    if size is None:
-        raise UsageError(
-            f"{path}: a file of boxes needs --image-size WxH, for example 1280x720: scores use normalised "
-            "boxes (1x1 if they are fractions of the image already)"
-        )
+    said = options.image_size or _size_of(info)
+    size = said or usual_size(rows)
     if len(rows[0]) == 4:
         if options.target is not None:
             raise UsageError(f"{path}: --id is for MOT files, this one has x,y,w,h a line")
@@ -79,7 +91,25 @@ def read_boxes(path: Path, options: BoxOptions) -> BoxTrack:
     else:
         pixels = _mot_track(path, rows, options.target, info)
     boxes = tuple(None if row is None else _box(row, size) for row in pixels)
-    return BoxTrack(boxes, options.rate_hz or _positive(info, "frameRate"))
+    return BoxTrack(boxes, options.rate_hz or _positive(info, "frameRate"), None if said else size)
+
+
+def usual_size(rows: Sequence[tuple[float, ...]]) -> tuple[int, int]:
+    """Return the smallest usual size of images, (width, height) px, that holds every box.
+
+    (1, 1) for boxes in fractions; what the boxes themselves take up, where that is more than any usual size.
+
+    Args:
+        rows: numbers of lines, x, y, w, h or frame, id, x, y, w, h, ...
+    """
+    boxes = (row if len(row) == 4 else row[2:6] for row in rows)
+    ends = [(x + w, y + h) for x, y, w, h in boxes if math.isfinite(x + y + w + h) and w > 0 and h > 0]
+    width = max((x for x, _ in ends), default=1.0)
+    height = max((y for _, y in ends), default=1.0)
+    usual = ((1, 1), *_USUAL_SIZES, (math.ceil(width), math.ceil(height)))
+    # Counted from 1, as some data sets do, a box may end a pixel further out.
+    slack = 1 if max(width, height) > 2 else 0
+    return next(size for size in usual if width <= size[0] + slack and height <= size[1] + slack)
 
 
 def _rows(path: Path) -> list[tuple[float, ...]]:

@@ -118,6 +118,7 @@ def summarise_boxes(track: BoxTrack, path: Path, rules: Rules = DEFAULT_RULES) -
         "seconds": score.el / track.rate_hz if track.rate_hz else None,
         "trial": str(path),
         "bad_boxes": score.bad_boxes,
+        "assumed_size": track.assumed_size,
     }
 
 

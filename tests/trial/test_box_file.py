@@ -45,6 +45,25 @@ def test_every_dialect_says_the_same(tmp_path, text):
     assert track(tmp_path, text) == BoxTrack((BOX, None, BOX), None)
 
 
+@pytest.mark.parametrize(
+    ("text", "size"),
+    [
+        ("0,0,640,360\n", (640, 360)),
+        ("1,1,640,360\n", (640, 360)),  # counted from 1
+        ("0,0,640,362\n", (640, 480)),
+        ("600,300,100,50\n0,0,0,0\n", (768, 576)),
+        ("10,10,20,20\n-5,0,9000,nan\n", (320, 240)),
+        ("0.2,0.3,0.5,0.7\n", (1, 1)),
+        ("4000,3000,500,500.5\n", (4500, 3501)),
+        ("3,1,600,300,100,50\n", (768, 576)),
+        ("0,0,0,0\n", (1, 1)),
+    ],
+)
+def test_an_unknown_size_is_the_smallest_usual_one_that_holds_every_box(tmp_path, text, size):
+    assert track(tmp_path, text, BoxOptions()).assumed_size == size
+    assert track(tmp_path, text).assumed_size is None
+
+
 def test_a_mot_track_begins_with_its_target_and_ends_with_the_sequence(tmp_path):
     found = track(tmp_path, MOT, BoxOptions(image_size=(100, 50), target=3))
     assert found.boxes == (BOX, None, BOX, None, None)
@@ -66,7 +85,6 @@ def test_a_sequence_description_gives_size_rate_and_length(tmp_path):
         ("", SIZE, "is empty"),
         ("\n\n", SIZE, "is empty"),
         ("x,y,w,h\n", SIZE, "has no boxes"),
-        ("1,2,3,4\n", BoxOptions(), "needs --image-size WxH"),
         ("1,2,3\n", SIZE, "line 1: expected x,y,w,h"),
         ("1,2,3,4,5,6,7,8\n", SIZE, "line 1: expected x,y,w,h"),
         ("1,2,3,4\n\n1,2,3,4\n", SIZE, "line 2: expected the 4 numbers"),

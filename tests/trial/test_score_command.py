@@ -82,7 +82,6 @@ def test_good_trials_are_scored_when_one_is_bad(capsys, trials, tmp_path):
         (["nowhere"], "no such file or folder"),
         (["hollow"], "no trials in it"),
         (["nowhere", "neither"], "none of these could be scored"),
-        (["--boxes", "boxes.txt"], "needs --image-size"),
         (["--boxes", "boxes.txt", "--image-size", "big"], "expected WIDTHxHEIGHT"),
         (["--boxes", "nowhere", "--image-size", "640x480"], "No such file"),
         (["--boxes", "boxes.txt", "--image-size", "640x480", "trial"], "say what to score"),
@@ -255,6 +254,21 @@ def test_recorded_people_score_as_ten_independent_lines_say(capsys, person):
     assert scored["mr_visible"] == pytest.approx(r[seen[1:end]].mean(), abs=1e-12)
     assert scored["visibility"] == pytest.approx(seen[1:end].mean())
     assert scored["el"] == end - 1
+
+
+def test_without_a_size_one_is_taken_and_said_and_flags_named_beside_their_boxes_are_no_boxes(
+    capsys, tmp_path
+):
+    boxes = "\n".join(["500,300,100,50", *["520,300,100,50"] * 2]) + "\n"
+    for name, text in (("a.txt", boxes), ("a.absent.txt", "0\n1\n0\n"), ("b.txt", boxes)):
+        (tmp_path / name).write_text(text)
+    status, out, err = score(capsys, "--boxes", *sorted(tmp_path.iterdir()), "--json")
+    assert status == 0
+    assert [line.partition("scored as of")[2][:8] for line in err.splitlines()] == [" 640x360"] * 2
+    assert [row["assumed_size"] for row in json.loads(out)["trials"]] == [[640, 360]] * 2
+    assert [row["visibility"] for row in json.loads(out)["trials"]] == [0.5, 1.0]
+    _, out, err = score(capsys, tmp_path / "b.txt", "--image-size", "640x360", "--json")
+    assert (json.loads(out)["assumed_size"], err) == (None, "")
 
 
 @pytest.mark.skipif(not BOXES.is_dir(), reason="needs ../shared/data/boxes, which is not part of the project")
