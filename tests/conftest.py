@@ -1,7 +1,7 @@
 """What all tests share: figures that are shown after the run, and who may run beside whom.
 
-Tests run in three processes (``-n 3 --dist loadgroup``): the slow flights in one, the slow ground robots in
-another, so that no more than two robots share the machine with the tests that only compute.
+Tests run in two processes (``-n 2 --dist loadgroup``): the slow flights in one, the slow ground robots in the
+other, each with its share of the rest, so that no more than two robots share two cores.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ hypothesis.settings.load_profile("busy")
 
 TESTS = Path(__file__).parent
 GROUPS = {
-    "flights": ("drone", "e2e/test_faults.py", "e2e/test_rehearsal.py"),
+    "flights": ("drone", "e2e/test_faults.py", "e2e/test_operator", "e2e/test_rehearsal.py", "test_doctor"),
     "ground": ("e2e/test_dry_run.py", "e2e/test_ground", "outside", "quadruped", "wheeled"),
 }
 MEASURED = "measured"

@@ -17,7 +17,8 @@ from adatracker_deploy.messages import Box
 from adatracker_deploy.perception import segmenters
 
 SIGHTS = 60
-STALL_S = 2.0
+STALL_S = 3.0
+"""The loop gives up after 2 s; a stall of just that might be over between two of its ticks."""
 
 
 class FailingSegmenter:

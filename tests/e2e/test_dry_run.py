@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import json
 import time
@@ -116,6 +117,7 @@ def test_a_film_without_anybody_fails_with_a_sentence(dry_run, tmp_path, seconds
     assert took_s < 25
 
 
+@functools.cache  # for the process: half a minute
 def watched(name):
     """What the embedded segmenter says of each frame of a film, frame by frame, as `perceive` checks it."""
     segmenter, _ = open_segmenter(EMBEDDED, "person, obstacles", Choice())
@@ -143,16 +145,11 @@ FILMS = ("03_skateboarder.mp4", "05_default_juggle.mp4", "bedroom.mp4")
 SEEN = {TargetState.TRACKED, TargetState.REACQUIRED}
 
 
-in_one_process = pytest.mark.xdist_group("films")
-"""They share what takes half a minute."""
-
-
-@pytest.fixture(scope="module")
+@pytest.fixture
 def films():
     return {name: watched(name) for name in FILMS}
 
 
-@in_one_process
 @needs_video
 def test_in_two_of_three_films_with_a_moving_camera_the_person_is_kept_to_the_end(films, measured):
     kept = []
@@ -165,7 +162,6 @@ def test_in_two_of_three_films_with_a_moving_camera_the_person_is_kept_to_the_en
     assert sum(kept) >= 2
 
 
-@in_one_process
 @needs_video
 @pytest.mark.parametrize("name", FILMS)
 def test_from_one_frame_to_the_next_the_box_is_never_somebody_elses(films, name):
@@ -176,7 +172,6 @@ def test_from_one_frame_to_the_next_the_box_is_never_somebody_elses(films, name)
             assert overlap(before.box, after.box) > 1 / 3, f"frames {before.seq} and {after.seq}"
 
 
-@in_one_process
 @needs_video
 @pytest.mark.parametrize("name", FILMS)
 def test_states_boxes_and_masks_say_the_same(films, name):
