@@ -42,7 +42,8 @@ def folder() -> Path:
     Raises:
         UsageError: it is somebody else's.
     """
-    place = Path(os.environ.get("XDG_RUNTIME_DIR") or tempfile.gettempdir())
+    runtime = os.environ.get("XDG_RUNTIME_DIR", "")  # named in some environments where there is none
+    place = Path(runtime) if runtime and Path(runtime).is_dir() else Path(tempfile.gettempdir())
     path = place / f"adatracker-deploy-{os.getuid()}"
     with contextlib.suppress(FileExistsError):
         path.mkdir(mode=0o700)

@@ -8,6 +8,7 @@ import pty
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 from pathlib import Path
 
@@ -93,6 +94,13 @@ def test_a_trial_that_does_not_answer_is_killed(trial, capsys):
     over = threading.Event()
     while not gone(link):
         over.wait(0.01)
+
+
+def test_without_a_runtime_folder_the_temporary_one_serves(capsys, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "missing"))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    assert stop(capsys) == (1, ["nothing runs"])
+    assert (tmp_path / f"adatracker-deploy-{os.getuid()}").is_dir()
 
 
 def test_a_folder_that_others_can_write_is_refused(tmp_path, capsys):
