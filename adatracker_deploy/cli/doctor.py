@@ -47,7 +47,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 
 def run(args: argparse.Namespace) -> int:
-    """Look at everything, show it, and return 1 if a trial would be refused."""
+    """Look at everything, show it, and return 1 if something must be mended first."""
     from rich.console import Console
 
     examination = _Examination(args)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from adatracker_deploy.doctor.machine import LOG_BYTES_PER_S
 from adatracker_deploy.messages import Frame, Observation
 from adatracker_deploy.perception.drawing import MASK_SIZE
 from adatracker_deploy.platform import Check
@@ -123,8 +124,6 @@ def perception_check(seconds: Sequence[float]) -> Check:
 
 def measured_disk(folder: Path) -> tuple[float, ...]:
     """Return how many seconds it takes to write and sync what a second of a trial writes, a few times."""
-    from adatracker_deploy.doctor.machine import LOG_BYTES_PER_S
-
     data = os.urandom(LOG_BYTES_PER_S)
     took = []
     with TemporaryFile(dir=folder) as file:

@@ -41,8 +41,8 @@ class TargetSegmenter:
         mask_head: cuts people out; needed where the detector gives boxes alone.
         choice: who becomes the target, in the first frame in which there is such a person.
         propagator: follows the target's mask, also where the detector misses the target.
-        key_frames: ask the detector only while the propagator does not see the target, for detectors that
-            are too slow for every picture. Nobody else and no obstacle is known in between.
+        key_frames: do not ask the detector while the propagator sees the target and the lock agreed in the
+            picture before: for slow detectors. Nobody else and no obstacle is known in between.
     """
 
     needs_truth = False
@@ -78,7 +78,8 @@ class TargetSegmenter:
             PlatformError: the model gave what no such model gives.
         """
         followed = self._propagation.step(frame.rgb) if self._propagation else None
-        found = Instances.none() if followed and self._key_frames else self._detector(frame.rgb)
+        between = self._key_frames and followed is not None and followed.trusted
+        found = Instances.none() if between else self._detector(frame.rgb)
         kinds = np.array([word == PERSON for word in found.words], bool)
         people = found.only(np.flatnonzero(kinds))
         obstacles = found.only(np.flatnonzero(~kinds & (found.scores >= LEAST_OBSTACLE_SCORE)))

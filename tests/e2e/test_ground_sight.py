@@ -114,6 +114,7 @@ class Eye:
         self.frozen = False
         self.size = ROWS, COLUMNS
         self._ended = threading.Event()
+        self._news = threading.Condition()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
@@ -123,6 +124,13 @@ class Eye:
             self.seq += 1
             picture = picture if self.frozen else painted(self.seq, self.size)
             self.server.publish(Frame(picture, 0, self.seq))
+            with self._news:
+                self._news.notify_all()
+
+    def wait_for(self, seq: int) -> None:
+        """Return when so many pictures have been shown."""
+        with self._news:
+            assert self._news.wait_for(lambda: self.seq >= seq, timeout=60)
 
     def freeze(self) -> None:
         self.frozen = True
@@ -156,9 +164,7 @@ def test_a_camera_that_goes_wrong_ends_a_dry_run_and_its_return_changes_nothing(
     with contextlib.closing(Eye()) as eye:
         run = dry_run("--camera", eye.server.url, command=COMMAND)
         assert any("following" in line for line in run.process.stderr)
-        began = eye.seq
-        while eye.seq < began + 1.5 * RATE_HZ:
-            time.sleep(0.01)
+        eye.wait_for(eye.seq + round(1.5 * RATE_HZ))
         onset_ns = time.monotonic_ns()
         fault(eye)
         status, summary, err = run.end()

@@ -37,6 +37,8 @@ class Followed(NamedTuple):
     mask: Mask
     """Over the whole picture, shape (h, w)."""
     score: float
+    trusted: bool
+    """In the picture before it followed whom the lock tracked."""
 
     def among(self, people: Instances, word: str) -> Instances:
         """Return the detector's people, and this one, called `word`, if the detector missed them."""
@@ -65,6 +67,7 @@ class Propagation:
         self._started = False
         self._seen: Followed | None = None
         self._apart = 0
+        self._agreed = False
 
     def step(self, picture: Picture) -> Followed | None:
         """Return whom the propagator follows in the next picture, RGB (H, W, 3); None while out of sight.
@@ -72,11 +75,11 @@ class Propagation:
         Raises:
             PlatformError: the model gave what no such model gives.
         """
-        self._seen = None
+        self._seen, trusted, self._agreed = None, self._agreed, False
         if self._started:
             mask, score = self._propagator.step(picture)
             box = box_of(mask, *picture.shape[:2])
-            self._seen = None if box is None else Followed(box, mask, score)
+            self._seen = None if box is None else Followed(box, mask, score, trusted)
         return self._seen
 
     def mask_of(self, box: NDArray[np.float32]) -> Mask | None:
@@ -97,7 +100,7 @@ class Propagation:
             PlatformError: the model gave what no such model gives.
         """
         if self.mask_of(box) is not None:
-            self._apart = 0
+            self._apart, self._agreed = 0, True
             return
         self._apart += 1
         if not self._started or self._apart >= _APART:

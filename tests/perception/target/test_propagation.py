@@ -164,10 +164,19 @@ def test_key_frames_are_those_without_the_target(sam2):
     assert [each.target for each in seen] == (
         [TargetState.TRACKED] * 10 + [TargetState.COASTING] * 4 + [TargetState.TRACKED] * 10
     )
-    assert detector.asked == 1 + 4
+    assert detector.asked == 2 + 4 + 1  # until lock and propagator have agreed
     assert [bool((each.mask == MaskClass.PERSON).any()) for each in seen] == (
-        [True] + [False] * 9 + [True] * 4 + [False] * 10
+        [True] * 2 + [False] * 8 + [True] * 5 + [False] * 9
     )
+
+
+def test_with_key_frames_a_propagator_gone_astray_does_not_keep_the_detector_from_being_asked():
+    """It insists on the neighbour while the target was hidden and is back: the detector finds the target."""
+    pictures = [scene(40, 100)] * 5 + [scene(None, 100)] * 30 + [scene(40, 100)] * 10
+    seen = watch(pictures, Blocks(), Stubborn(BLUE), key_frames=True)
+    assert seen[-1].target is TargetState.TRACKED
+    assert seen[-1].box.cx * SIDE == pytest.approx(40 + WIDTH / 2)
+    assert all(each.box is None for each in seen[5:35])
 
 
 def test_reset_forgets_whom_it_follows(sam2):
