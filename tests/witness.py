@@ -1,0 +1,70 @@
+"""Watches whether the machine itself stands still.
+
+A virtual machine's host may stop a core for a tenth of a second and more; to everything on it the others then
+seem silent, and robots are rightly stopped. The witness wants to run every 5 ms on each core, in a process of
+its own, and writes down when it could not. A real-time test that failed meanwhile says nothing about what it
+tests.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+import time
+
+PERIOD_S = 0.005
+STALL_S = 0.05
+"""Half a slot of a loop at 10 Hz: what no robot's silence limit expects of a machine."""
+
+
+class Witness:
+    """A process that watches every core that this one may use."""
+
+    def __init__(self) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, "-S", __file__], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+        )
+        self._process.stdout.readline()  # it watches
+        self._stalls: list[tuple[float, float]] = []
+        os.set_blocking(self._process.stdout.fileno(), False)
+        self._rest = b""
+
+    def longest_s(self, since_s: float) -> float:
+        """Return the longest stall since `since_s`, monotonic; 0 where none was longer than `STALL_S`."""
+        self._rest += self._process.stdout.read() or b""
+        *lines, self._rest = self._rest.split(b"\n")
+        self._stalls += [tuple(map(float, line.split())) for line in lines]
+        return max((length_s for end_s, length_s in self._stalls if end_s >= since_s), default=0.0)
+
+    def wait_until_calm(self, calm_s: float = 2.0, patience_s: float = 30.0) -> None:
+        """Wait for `calm_s` without a stall, for `patience_s` at most."""
+        end_s = time.monotonic() + patience_s
+        while (now_s := time.monotonic()) < end_s:
+            time.sleep(calm_s)
+            if not self.longest_s(now_s):
+                return
+
+    def close(self) -> None:
+        self._process.stdin.close()
+        self._process.wait()
+        self._process.stdout.close()
+
+
+def _watch(core: int) -> None:
+    os.sched_setaffinity(threading.get_native_id(), {core})
+    last_s = time.monotonic()
+    while True:
+        time.sleep(PERIOD_S)
+        now_s = time.monotonic()
+        if now_s - last_s > STALL_S:
+            os.write(1, f"{now_s:.3f} {now_s - last_s:.3f}\n".encode())
+        last_s = now_s
+
+
+if __name__ == "__main__":
+    for each in os.sched_getaffinity(0):
+        threading.Thread(target=_watch, args=(each,), daemon=True).start()
+    os.write(1, b"\n")
+    sys.stdin.read()  # until whoever started it is gone
