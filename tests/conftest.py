@@ -1,8 +1,8 @@
 """What all tests share: figures that are shown after the run, and robots that drive in real time.
 
-Tests run in two processes (``-n 2 --dist loadgroup``). What drives a robot for long runs last and one by one,
-so that nothing else takes its cores; and a real-time test that failed while the machine itself stood still is
-run again (`witness`), which is shown after the run.
+Tests run in two processes (``-n 2 --dist loadgroup``). What drives a robot for long runs last, a file at a time
+in each process, so that two cores never have more than two robots and nothing else; and a real-time test that
+failed while the machine itself stood still is run again (`witness`), which is shown after the run.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def pytest_collection_modifyitems(items):
         if path.startswith(REAL_TIME):
             item.add_marker("realtime")
             if item.get_closest_marker("slow"):
-                item.add_marker(pytest.mark.xdist_group("alone"))
+                item.add_marker(pytest.mark.xdist_group(path))
     items.sort(key=lambda item: item.get_closest_marker("xdist_group") is not None)
 
 
