@@ -1,7 +1,7 @@
 """What all tests share: figures that are shown after the run, and robots that drive in real time.
 
-Tests run in two processes (``-n 2 --dist loadgroup``). What drives a robot for long runs last, a file at a time
-in each process, so that two cores never have more than two robots and nothing else; and a real-time test that
+Tests run in two processes (``-n 2 --dist loadgroup``). What drives a robot for long runs last, a file at a
+time in each process, so that two cores have two robots at most and nothing else; and a real-time test that
 failed while the machine itself stood still is run again (`witness`), which is shown after the run.
 """
 
