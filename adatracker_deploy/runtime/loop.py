@@ -25,6 +25,11 @@ STALE_OBSERVATION_S = 0.22
 
 The next tick and a slot of the link's come on top: zero is on the wire within 0.29 s of the last frame with
 a policy at 20 Hz, within 0.34 s with one at 10 Hz. A segmenter that takes 0.1 s can still be followed."""
+MISSED_IN_A_ROW = 3
+"""So many slots missed in a row end the trial, at any rate of the policy; counted in machine time.
+
+At 20 Hz no command has then come for 0.2 s, which is when the gate sends zero: the robot has begun to stop
+for want of commands, and what has begun to stop does not go on by itself."""
 BLIND_S = 2.0
 """Without a fresh observation for this long the trial ends. Machine time."""
 
@@ -71,7 +76,7 @@ class Loop:
         pacer = Pacer(self.clock, self.policy.info.rate_hz)
         lost = 0
         for step in range(steps + 1):
-            tick = pacer.wait()
+            tick = pacer.wait(self._patience)
             status, seen = self.link.status(), self.observe()
             if not self.link.alive() or status is None:
                 return Ending("system_fault", "the link process died; the robot's own time-out stops it")
@@ -111,8 +116,15 @@ class Loop:
         """Say why this tick cannot be driven; None when it can."""
         if status.phase is not Phase.ACTIVE:
             return Ending("takeover" if status.takeover else "safety_stop", status.stopped)
+        if tick.skipped >= self._patience:
+            return Ending("safety_stop", f"deadlines_missed: {tick.skipped} slots in a row")
         age_s = self._age_s(tick, seen)
         return Ending("safety_stop", f"no new camera frame for {age_s:.1f} s") if age_s > BLIND_S else None
+
+    @property
+    def _patience(self) -> float:
+        """As many slots as the machine may miss in a row."""
+        return MISSED_IN_A_ROW * self.clock.speed
 
     def _act(self, tick: Tick, seen: Seen) -> tuple[Action | None, float]:
         """Ask the policy; return its action, or None on a stale observation, and the ms it took."""
