@@ -87,6 +87,7 @@ def run(args: argparse.Namespace) -> int:
     from rich.console import Console
 
     from adatracker_deploy.trial.salvage import salvage_all
+    from adatracker_deploy.trial.stage_table import stage_table
     from adatracker_deploy.trial.summary import summarise_set
     from adatracker_deploy.trial.summary_table import summary_table
 
@@ -96,6 +97,7 @@ def run(args: argparse.Namespace) -> int:
         console.print(line, markup=False, soft_wrap=True)
     with _stoppable(args, console):
         summaries = _run_all(plans, console)
+    console.print(stage_table(summaries))
     console.print(summary_table(summaries))
     if args.json:
         print(json.dumps(summaries[0] if len(plans) == 1 else summarise_set(summaries)))

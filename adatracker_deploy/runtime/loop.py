@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
@@ -10,6 +9,7 @@ from adatracker_deploy.platform import ZERO, Limits, Twist
 from adatracker_deploy.policy.base import Policy, to_twist
 from adatracker_deploy.runtime.link import LinkStatus, Phase
 from adatracker_deploy.runtime.pacer import Pacer, Tick
+from adatracker_deploy.runtime.trace import Trace
 from adatracker_deploy.trial.metrics import MAX_LOST_STEPS, target_visible
 from adatracker_deploy.trial.record import Latency, Outcome, StepRecord
 
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from adatracker_deploy.messages import Action
     from adatracker_deploy.perception.pipeline import Seen
     from adatracker_deploy.runtime.clock import Clock
+    from adatracker_deploy.runtime.trace import Arrival
 
 STALE_OBSERVATION_S = 0.22
 """An older observation is not acted on: zero is sent, and the step counts as lost. Machine time.
@@ -74,6 +75,7 @@ class Loop:
         `steps` + 1 ticks, numbered from 0.
         """
         pacer = Pacer(self.clock, self.policy.info.rate_hz)
+        trace = Trace()
         lost = 0
         for step in range(steps + 1):
             tick = pacer.wait(self._patience)
@@ -88,12 +90,9 @@ class Loop:
             command = to_twist(action.values, self.policy.info.action, self.limits) if action else ZERO
             box = seen.observation.box if action else None
             self.link.send(command, tick.t_ns, box.area if box else None)
-            latency = Latency(
-                observation_age_ms=(tick.t_ns - seen.frame.t_ns) / 1e6,
-                infer_ms=infer_ms,
-                sensor_to_command_ms=(self.clock.now_ns() - seen.frame.t_ns) / 1e6,
-                lateness_ms=tick.lateness_s * 1e3,
-            )
+            handed_ns = self.clock.now_ns()
+            latency = _latency(tick, seen, infer_ms, handed_ns, trace.arrived(status.acted))
+            trace.hand_over(tick.t_ns, seen.frame.t_ns, handed_ns)
             record = _record(
                 step=step,
                 tick=tick,
@@ -130,13 +129,32 @@ class Loop:
         """Ask the policy; return its action, or None on a stale observation, and the ms it took."""
         if self._age_s(tick, seen) > STALE_OBSERVATION_S:
             return None, 0.0
-        began_ns = time.perf_counter_ns()
+        began_ns = self.clock.now_ns()
         action = self.policy.act(seen.observation)
-        return action, (time.perf_counter_ns() - began_ns) / 1e6
+        return action, (self.clock.now_ns() - began_ns) / 1e6
 
     def _age_s(self, tick: Tick, seen: Seen) -> float:
         """Age of the observation in machine time: a stall is a stall however fast the rehearsal."""
         return (tick.t_ns - seen.frame.t_ns) / 1e9 / self.clock.speed
+
+
+def _latency(tick: Tick, seen: Seen, infer_ms: float, handed_ns: int, arrival: Arrival | None) -> Latency:
+    """Say where the time went: this tick's, and on the wire that of the newest command which got there."""
+    capture_ms = perceive_ms = None
+    if seen.taken_ns is not None and seen.ready_ns is not None:
+        capture_ms = (seen.taken_ns - seen.frame.t_ns) / 1e6
+        perceive_ms = (seen.ready_ns - seen.taken_ns) / 1e6
+    return Latency(
+        observation_age_ms=(tick.t_ns - seen.frame.t_ns) / 1e6,
+        infer_ms=infer_ms,
+        sensor_to_command_ms=(handed_ns - seen.frame.t_ns) / 1e6,
+        lateness_ms=tick.lateness_s * 1e3,
+        capture_ms=capture_ms,
+        perceive_ms=perceive_ms,
+        gate_ms=arrival.gate_ms if arrival else None,
+        send_ms=arrival.send_ms if arrival else None,
+        sensor_to_wire_ms=arrival.sensor_to_wire_ms if arrival else None,
+    )
 
 
 def _record(

@@ -16,7 +16,7 @@ from adatracker_deploy.perception.pipeline import Seen
 from adatracker_deploy.platform import ZERO, Limits, PlatformState, Twist
 from adatracker_deploy.policy.base import FORWARD_YAW, PolicyInfo
 from adatracker_deploy.runtime.clock import FakeClock
-from adatracker_deploy.runtime.link import LinkStatus, Phase
+from adatracker_deploy.runtime.link import Acted, LinkStatus, Phase
 from adatracker_deploy.runtime.loop import BLIND_S, MISSED_IN_A_ROW, STALE_OBSERVATION_S, Ending, Loop
 
 LIMITS = Limits(forward_m_s=2.0, backward_m_s=1.0, yaw_rate_rad_s=1.0, accel_m_s2=2.0, yaw_accel_rad_s2=4.0)
@@ -56,7 +56,9 @@ class Rehearsal:
             setattr(self, name, value)
         t_ns = self.clock.now_ns() - round(self.age_s * 1e9)
         truth = Truth(MASK, Pose(), Pose(), (2.5, 0.0), 2.5, 0.1, self.collided)
-        seen = Seen(Frame(RGB, t_ns, self.tick, truth), Observation(MASK, self.box, 1.0, t_ns, self.tick))
+        frame = Frame(RGB, t_ns, self.tick, truth)
+        observation = Observation(MASK, self.box, 1.0, t_ns, self.tick)
+        seen = Seen(frame, observation, taken_ns=t_ns + 4_000_000, ready_ns=t_ns + 13_000_000)
         return seen if self.frame else None
 
     def act(self, observation):
@@ -195,3 +197,24 @@ def test_whatever_stalls_there_is_no_burst_and_no_command_after_three_missed_slo
     assert all(after - before < MISSED_IN_A_ROW for before, after in itertools.pairwise(missed))
     starved = any(stall_s > (MISSED_IN_A_ROW + 1) * 0.05 for stall_s in stalls)
     assert ending.outcome == "safety_stop" if starved else ending.outcome in {"completed", "safety_stop"}
+
+
+class Wired(Rehearsal):
+    """Its link judges every set-point 5 ms after it came and sends it within 2 ms more."""
+
+    def send(self, twist, now_ns, target_share=None):
+        super().send(twist, now_ns, target_share)
+        judged_ns = self.clock.now_ns() + 5_000_000
+        self.status_now = replace(FLYING, acted=Acted(now_ns, judged_ns, judged_ns + 2_000_000))
+
+
+def test_each_step_says_where_its_time_went_and_how_the_command_before_it_reached_the_wire():
+    rehearsal = Wired(stall_s=0.003)
+    rehearsal.run()
+    first, second = (record.latency for record in rehearsal.records[:2])
+    ways = (first.capture_ms, first.perceive_ms, first.wait_ms, first.infer_ms)
+    assert ways == pytest.approx((4.0, 9.0, 7.0, 3.0))
+    assert first.sensor_to_command_ms == pytest.approx(sum(ways))
+    assert (first.gate_ms, first.send_ms, first.sensor_to_wire_ms) == (None, None, None)
+    assert (second.gate_ms, second.send_ms) == pytest.approx((5.0, 2.0))
+    assert second.sensor_to_wire_ms == pytest.approx(first.sensor_to_command_ms + 7.0)
