@@ -77,9 +77,7 @@ def lateness_check(late: Lateness, rate_hz: float) -> Check:
     told += f", {late.missed} slots missed" if late.missed else ", no slot missed"
     if p99 < LATE_P99_S and most < LATE_MAX_S and not late.missed:
         return Check("loop", True, told)
-    mend = (
-        "stop what else runs here, give the process real-time priority (chrt -f 50), or a machine of its own"
-    )
+    mend = "stop what else runs here, give it real-time priority with --realtime, or a machine of its own"
     return Check("loop", False, f"{told}: {mend}", blocking=late.in_a_row >= MISSED_IN_A_ROW)
 
 
