@@ -27,6 +27,7 @@ from adatracker_deploy.runtime.link_process import LinkProcess
 from adatracker_deploy.runtime.loop import Ending, Loop
 from adatracker_deploy.runtime.scheduling import LOOP_PRIORITY, ORDINARY, Scheduling, obtained
 from adatracker_deploy.trial.log import TrialLog
+from adatracker_deploy.trial.scored_steps import ScoredSteps
 from adatracker_deploy.trial.summary import summarise
 
 if TYPE_CHECKING:
@@ -112,7 +113,7 @@ class _Trial:
         self.started_s = started_s
         self.stack = stack
         self.clock = MonotonicClock(speed=plan.speed)
-        self.records: list[StepRecord] = []
+        self.records = ScoredSteps()
         self.errors: list[str] = []
 
     def run(self) -> dict[str, Any]:
