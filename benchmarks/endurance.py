@@ -1,13 +1,15 @@
-"""Does anything grow? Memory, threads and open files over 200 starts and stops, and over a long trial.
+"""Does anything grow? Memory, threads and open files over starts and stops, and over a long trial.
 
-Run with ``python benchmarks/endurance.py [--cycles 200] [--minutes 30] [--platform NAME]``; 0 leaves one out.
+Run with ``python benchmarks/endurance.py [--cycles 200] [--trials 20] [--minutes 30] [--platform NAME]``; a part
+that gets 0 is left out.
 
-A cycle is a whole trial of a few ticks against a simulated robot that goes on running, as a real one would:
-connect, open the camera, engage, drive, stop, disengage, close the log. What is looked at is this process,
-which is the tracker, and the robot; the link and the log's writer end with their cycle, and none may be left.
-The long run is one trial; all its processes are looked at.
+All starts and stops are of one simulated robot that goes on running, as a real one would. A cycle connects,
+engages, drives, disengages and closes, with adapter and link in this process. A trial is a whole one of a few
+ticks: link, camera, perception, policy and log as well; its processes end with it, and none may be left. The
+long run is one trial; all its processes are looked at.
 
-Flat is what does not grow between the second quarter and the last by more than `GROWTH` and `GROWTH_MB`.
+Flat is what does not grow between the second quarter and the last: of memory, median by median, up to `GROWTH`
+or `GROWTH_MB`, whichever is more; of threads and files nothing.
 """
 
 from __future__ import annotations
@@ -24,10 +26,16 @@ from collections import Counter
 from pathlib import Path
 from typing import NamedTuple
 
-from rehearsals import children, machine, rehearsal
+from rehearsals import family, machine, rehearsal
 
 from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.platform import Twist
 from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_deploy.runtime.gate import Setpoint
+from adatracker_deploy.runtime.link import RATE_HZ as LINK_HZ
+from adatracker_deploy.runtime.link import Link, Phase
+from adatracker_deploy.runtime.link_process import wall_timeouts
+from adatracker_deploy.runtime.pacer import Pacer
 from adatracker_deploy.trial_run import run_trial
 
 GROWTH, GROWTH_MB = 0.03, 3.0
@@ -35,8 +43,7 @@ TICKS = 10
 RATE_HZ = 20.0
 SAMPLES = 60
 """Of a long run."""
-NAMES = {"adatracker-link": "link", "trial.writer": "log", "_wheeled": "robot", "_drone": "robot"}
-NAMES |= {"_quadruped": "robot"}
+COLUMNS = 10
 
 
 class Sample(NamedTuple):
@@ -65,24 +72,6 @@ def sample(pid):
         return Sample(int(status["VmRSS"].split()[0]) / 1024, int(status["Threads"]), files)
     except (FileNotFoundError, KeyError):
         return None
-
-
-def name_of(pid):
-    """Say which of a trial's processes it is."""
-    words = Path(f"/proc/{pid}/comm").read_text() + Path(f"/proc/{pid}/cmdline").read_text()
-    return next((name for mark, name in NAMES.items() if mark in words), "helper")
-
-
-def family(pid):
-    """Return the processes below one, with their names; those of one name are numbered."""
-    found, count = {}, Counter()
-    for child in children(pid):
-        with contextlib.suppress(FileNotFoundError):
-            name = name_of(child)
-            count[name] += 1
-            found[child] = name if count[name] == 1 else f"{name} {count[name]}"
-            found |= {pid: f"{found[child]}'s {name}" for pid, name in family(child).items()}
-    return found
 
 
 def table(title, series, number):
@@ -115,42 +104,67 @@ def growing(samples):
     if after - before > max(GROWTH_MB, GROWTH * before):
         wrong.append(f"memory {before:.1f} to {after:.1f} MB")
     for what in ("threads", "files"):
-        before, after = (max(getattr(one, what) for one in part) for part in (early, late))
+        before, after = (statistics.median(getattr(one, what) for one in part) for part in (early, late))
         if after > before:
             wrong.append(f"{what} {before} to {after}")
     return wrong
 
 
-def cycles(platform, count, folder):
+def started_and_stopped(title, plan, count, start_and_stop):
     """Start and stop a robot that goes on running; return whether all stayed flat."""
-    plan = rehearsal(platform, folder, TICKS, target_speed_m_s=0.0)
-    endings, left, slowest_s = Counter(), 0, 0.0
-    began_s = time.monotonic()
+    endings, slowest_s, began_s = Counter(), 0.0, time.monotonic()
+    series = {"tracker": [], "robot": []}
+    clock = MonotonicClock()
     with plan.platform.sitl(plan.profile) as far_end:
-        profile = far_end.start(MonotonicClock(), plan.scenario)
-        plan = dataclasses.replace(plan, profile=profile, sitl=False)
+        profile = far_end.start(clock, plan.scenario)
         before = set(family(os.getpid()))
-        series = {"tracker": [], "robot": []}
         for _ in range(count):
             cycle_s = time.monotonic()
             try:
-                summary = run_trial(plan, Silent(), cycle_s)
-                endings[summary["reason"] or summary["outcome"]] += 1
+                endings[start_and_stop(profile, clock)] += 1
             except PlatformError as error:
                 endings[str(error)] += 1
             slowest_s = max(slowest_s, time.monotonic() - cycle_s)
             series["tracker"].append(sample(os.getpid()))
             series["robot"].append(sample(far_end.pid))
-            after = family(os.getpid())
-            if len(series["tracker"]) % 20 == 0:
-                print(f"  {len(series['tracker'])} cycles: {series['tracker'][-1]}", flush=True)
-            left += sum(name in {"link", "log"} for pid, name in after.items() if pid not in before)
+        after = family(os.getpid())
+        left = {name for pid, name in after.items() if pid not in before and not name.startswith("robot")}
     seconds = time.monotonic() - began_s
-    title = f"{count} cycles of {TICKS} ticks in {seconds:.0f} s, the slowest {slowest_s:.1f} s"
-    flat = table(title, series, 10)
+    flat = table(f"{count} {title} in {seconds:.0f} s, the slowest {slowest_s:.1f} s", series, COLUMNS)
     print(f"  ended: {', '.join(f'{number} x {ending}' for ending, number in endings.most_common())}")
-    print(f"  links and log writers left behind: {left}")
-    return flat and left == 0
+    print(f"  processes left behind: {', '.join(sorted(left)) or 'none'}", flush=True)
+    return flat and not left
+
+
+def cycles(plan, count):
+    """Engage and disengage, with adapter and link in this process."""
+
+    def drive(profile, clock):
+        robot = plan.platform(profile, clock)
+        with contextlib.closing(robot):
+            robot.connect()
+            robot.preflight()
+            limits = wall_timeouts(profile.limits, clock.speed)
+            link = Link(robot, limits, clock, lambda: Setpoint(Twist(vx=0.1), clock.now_ns()))
+            link.engage()
+            pacer, active = Pacer(clock, LINK_HZ), 0
+            while link.status.phase is not Phase.DONE:
+                active += link.step(pacer.wait().t_ns).phase is Phase.ACTIVE
+                if active == TICKS or link.status.phase is Phase.HOLDING:
+                    link.disengage("enough")
+            return link.status.stopped
+
+    return started_and_stopped(f"cycles of {TICKS} slots", plan, count, drive)
+
+
+def trials(plan, count):
+    """Run whole trials of a few ticks."""
+
+    def run(profile, _):
+        summary = run_trial(dataclasses.replace(plan, profile=profile, sitl=False), Silent(), 0.0)
+        return summary["reason"] or summary["outcome"]
+
+    return started_and_stopped(f"trials of {TICKS} ticks", plan, count, run)
 
 
 def long_run(platform, minutes, folder):
@@ -170,7 +184,7 @@ def long_run(platform, minutes, folder):
     finally:
         ending.set()
         thread.join()
-    flat = table(f"one trial of {summary['seconds'] / 60:.1f} of {minutes:g} min", series, 10)
+    flat = table(f"one trial of {summary['seconds'] / 60:.1f} of {minutes:g} min", series, COLUMNS)
     print(f"  {summary['outcome']} {summary['reason']}, {summary['missed_deadlines']} slots missed")
     return flat
 
@@ -178,14 +192,18 @@ def long_run(platform, minutes, folder):
 def main():
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--cycles", type=int, default=200)
+    parser.add_argument("--trials", type=int, default=20)
     parser.add_argument("--minutes", type=float, default=30.0)
     parser.add_argument("--platform", default="wheeled")
     options = parser.parse_args()
     print(f"{options.platform}, {time.strftime('%Y-%m-%d')}, {machine()}")
     flat = True
     with tempfile.TemporaryDirectory() as folder:
+        plan = rehearsal(options.platform, Path(folder), TICKS, target_speed_m_s=0.0)
         if options.cycles:
-            flat &= cycles(options.platform, options.cycles, Path(folder))
+            flat &= cycles(plan, options.cycles)
+        if options.trials:
+            flat &= trials(plan, options.trials)
         if options.minutes:
             flat &= long_run(options.platform, options.minutes, Path(folder))
     print("\nflat" if flat else "\nNOT FLAT")

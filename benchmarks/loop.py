@@ -2,6 +2,9 @@
 
 Run with ``python benchmarks/loop.py [--minutes 10] [--hogs 0 4] [--log yes no] [--realtime] [--cpu LIST]``.
 
+The simulated robot stands for a machine of its own: where the system allows, it is given precedence over all
+else here (nice -10). The hogs begin when the robot is followed, not before.
+
 Every row is so many minutes of `run_trial`, far end and link included; a trial that ends sooner (a protective
 stop: a machine too busy is a reason for one) is followed by another. Times are those of the ticks
 as they are logged. The shortest interval is that between two set-points handed to the link, and in brackets
@@ -21,7 +24,7 @@ from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
-from rehearsals import cpu_hogs, machine, rehearsal
+from rehearsals import cpu_hogs, family, favour, machine, rehearsal
 
 from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.runtime.scheduling import Scheduling, read_cpus
@@ -37,12 +40,18 @@ GIVE_UP = 3.0
 
 
 class Recorder:
-    """Keeps every tick of one trial."""
+    """Keeps every tick of one trial; when its loop begins, so do the hogs."""
 
-    def __init__(self):
+    def __init__(self, hogs, until):
         self.records = []
+        self._hogs, self._until = hogs, until
 
-    def phase(self, text): ...
+    def phase(self, text):
+        if text.startswith("following"):
+            for pid, name in family(os.getpid()).items():
+                if name.startswith("robot"):
+                    favour(pid)
+            self._until.enter_context(cpu_hogs(self._hogs))
 
     def step(self, record):
         self.records.append(record)
@@ -65,18 +74,19 @@ class NoLog:
     def close(self, *_): ...
 
 
-def measured(platform, minutes, scheduling):
+def measured(platform, minutes, hogs, scheduling):
     """Run trials for so many minutes; return their ticks, trial by trial, and how they ended."""
     trials, endings = [], Counter()
     left_s, give_up_s = minutes * 60, time.monotonic() + GIVE_UP * minutes * 60
     with tempfile.TemporaryDirectory() as folder:
         while left_s > 1 and time.monotonic() < give_up_s:
-            recorder = Recorder()
             plan = rehearsal(
                 platform, Path(folder), round(left_s * RATE_HZ), seed=len(endings), scheduling=scheduling
             )
             try:
-                summary = run_trial(plan, recorder, time.monotonic())
+                with contextlib.ExitStack() as until:
+                    recorder = Recorder(hogs, until)
+                    summary = run_trial(plan, recorder, time.monotonic())
             except PlatformError as error:
                 endings[str(error)] += 1
                 continue
@@ -144,8 +154,8 @@ def main():
     for hogs in options.hogs:
         for log in options.log:
             without = patch("adatracker_deploy.trial_run.TrialLog", NoLog)
-            with cpu_hogs(hogs), without if log == "no" else contextlib.nullcontext():
-                trials, endings = measured(options.platform, options.minutes, scheduling)
+            with without if log == "no" else contextlib.nullcontext():
+                trials, endings = measured(options.platform, options.minutes, hogs, scheduling)
             print(f"{hogs:4d} | {log:3s} | {row(trials) if trials else 'no trial began'}", flush=True)
             for ending, count in endings.most_common():
                 print(f"           {count} x {ending}", flush=True)

@@ -6,6 +6,7 @@ import contextlib
 import os
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 
 from adatracker_deploy.perception.segmenters import TRUTH, open_segmenter
@@ -18,6 +19,14 @@ from adatracker_deploy.trial_run import TrialPlan
 
 POLICY = "pid"
 """Runs at 20 Hz."""
+NAMES = {
+    "adatracker-link": "link",
+    "trial.writer": "log",
+    "_wheeled": "robot",
+    "_drone": "robot",
+    "_quadruped": "robot",
+}
+"""What a trial's processes are called by a part of their command."""
 
 
 def rehearsal(
@@ -71,6 +80,35 @@ def children(pid: int) -> list[int]:
         with contextlib.suppress(FileNotFoundError):
             found += map(int, (task / "children").read_text().split())
     return found
+
+
+def name_of(pid):
+    """Say which of a trial's processes it is."""
+    words = Path(f"/proc/{pid}/comm").read_text() + Path(f"/proc/{pid}/cmdline").read_text()
+    return next((name for mark, name in NAMES.items() if mark in words), "helper")
+
+
+def family(pid):
+    """Return the processes below one, with their names; those of one name are numbered."""
+    found, count = {}, Counter()
+    for child in children(pid):
+        with contextlib.suppress(FileNotFoundError):
+            name = name_of(child)
+            count[name] += 1
+            found[child] = name if count[name] == 1 else f"{name} {count[name]}"
+            found |= {pid: f"{found[child]}'s {name}" for pid, name in family(child).items()}
+    return found
+
+
+def favour(pid):
+    """Let a process go before others, in all its threads; return whether the system allows it."""
+    try:
+        for task in Path(f"/proc/{pid}/task").iterdir():
+            with contextlib.suppress(ProcessLookupError):
+                os.setpriority(os.PRIO_PROCESS, int(task.name), -10)
+    except PermissionError:
+        return False
+    return True
 
 
 def machine() -> str:
