@@ -1,15 +1,15 @@
 """Does anything grow? Memory, threads and open files over starts and stops, and over a long trial.
 
-Run with ``python benchmarks/endurance.py [--cycles 200] [--trials 20] [--minutes 30] [--platform NAME]``; a part
-that gets 0 is left out.
+Run with ``python benchmarks/endurance.py [--cycles 200] [--trials 20] [--minutes 30] [--platform NAME]``;
+a part that gets 0 is left out.
 
 All starts and stops are of one simulated robot that goes on running, as a real one would. A cycle connects,
 engages, drives, disengages and closes, with adapter and link in this process. A trial is a whole one of a few
 ticks: link, camera, perception, policy and log as well; its processes end with it, and none may be left. The
 long run is one trial; all its processes are looked at.
 
-Flat is what does not grow between the second quarter and the last: of memory, median by median, up to `GROWTH`
-or `GROWTH_MB`, whichever is more; of threads and files nothing.
+Flat is what does not grow between the second quarter and the last, median by median: memory by no more than
+`GROWTH` or `GROWTH_MB`, threads and files not at all.
 """
 
 from __future__ import annotations
