@@ -25,7 +25,9 @@ from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_deploy.runtime.link import LinkStatus, Phase
 from adatracker_deploy.runtime.link_process import LinkProcess
 from adatracker_deploy.runtime.loop import Ending, Loop
+from adatracker_deploy.runtime.scheduling import LOOP_PRIORITY, ORDINARY, Scheduling, obtained
 from adatracker_deploy.trial.log import TrialLog
+from adatracker_deploy.trial.scored_steps import ScoredSteps
 from adatracker_deploy.trial.summary import summarise
 
 if TYPE_CHECKING:
@@ -72,6 +74,8 @@ class TrialPlan:
     speed: float
     """Seconds of the run's clock per second of the machine's; 1 on real robots."""
     log_dir: Path
+    scheduling: Scheduling = ORDINARY
+    """Of the loop's thread and of the link."""
 
 
 class Progress(Protocol):
@@ -109,7 +113,7 @@ class _Trial:
         self.started_s = started_s
         self.stack = stack
         self.clock = MonotonicClock(speed=plan.speed)
-        self.records: list[StepRecord] = []
+        self.records = ScoredSteps()
         self.errors: list[str] = []
 
     def run(self) -> dict[str, Any]:
@@ -120,7 +124,7 @@ class _Trial:
             self.progress.phase(f"starting the simulated {plan.platform.name}")
             profile = self.stack.enter_context(plan.platform.sitl(profile)).start(self.clock, plan.scenario)
         robot = DryRun if plan.dry_run else plan.platform
-        self.link = self.stack.enter_context(LinkProcess(robot, profile, self.clock))
+        self.link = self.stack.enter_context(LinkProcess(robot, profile, self.clock, plan.scheduling))
         camera = self._open_camera(profile)
         self.progress.phase("connecting")
         self._refuse_unready(self.link.connect())
@@ -212,9 +216,12 @@ class _Trial:
         )
         gc.collect()
         gc.freeze()  # a full collection of a warm process takes longer than a tick may be late
-        self.link.send(ZERO, self.clock.now_ns())  # what was just done may have taken a while
         try:
-            return loop.run(plan.steps)
+            with plan.scheduling.of_this_thread(LOOP_PRIORITY):
+                if plan.scheduling:
+                    self._tell(f"loop: {obtained()}; link: {obtained(self.link.pid)}")
+                self.link.send(ZERO, self.clock.now_ns())  # what was just done may have taken a while
+                return loop.run(plan.steps)
         finally:
             gc.unfreeze()
 
@@ -252,6 +259,10 @@ class _Trial:
         self.log.step(record, seen.frame, seen.observation)
         self._log_events()
         self.progress.step(record)
+
+    def _tell(self, message: str) -> None:
+        self.progress.phase(message)
+        self.log.event("info", message, self.clock.now_ns())
 
     def _warn(self, message: str) -> None:
         self.progress.phase(f"warning: {message}")
@@ -343,6 +354,8 @@ class _Trial:
             "camera": shown,
             "segmenter": plan.segmenter_name,
             "speed": plan.speed,
+            "realtime": plan.scheduling.realtime,
+            "cpus": sorted(plan.scheduling.cpus),
         }
 
 

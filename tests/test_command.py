@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import socket
 
 import pytest
@@ -44,12 +46,22 @@ def refused(capsys, *arguments: str) -> str:
         ((*DRONE, "--speed", "nan"), "out of range"),
         ((*DRONE, "--speed", "0.5"), "out of range"),  # a robot slower than its own time-outs looks dead
         (("--platform", "drone", "--speed", "5"), "--speed is for rehearsals"),
+        ((*DRONE, "--cpu", "0-9999"), "--cpu 0-9999: core"),
+        ((*DRONE, "--cpu", "fast"), "'fast' is neither a core nor a range"),
         ((*DRONE, "--stpes", "5"), "--stpes"),
         (("fly",), "fly"),
     ],
 )
 def test_what_is_wrong_is_said_in_one_line(capsys, arguments, words):
     assert words in refused(capsys, *arguments)
+
+
+def test_real_time_priority_that_the_system_refuses_is_refused(capsys, monkeypatch):
+    def refuse(*_):
+        raise PermissionError(errno.EPERM, "Operation not permitted")
+
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    assert "--realtime: the system refuses it" in refused(capsys, *DRONE, "--realtime")
 
 
 def drone_profile(tmp_path, **connection):

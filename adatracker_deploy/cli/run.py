@@ -7,6 +7,7 @@ import contextlib
 import dataclasses
 import json
 import math
+import os
 import signal
 import time
 from pathlib import Path
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
     from adatracker_deploy.perception.segmenter import Segmenter
     from adatracker_deploy.profile import Profile
+    from adatracker_deploy.runtime.scheduling import Scheduling
     from adatracker_deploy.trial_run import TrialPlan
 
 RESULTS = ("completed", "lost", "wrong_person", "collision")
@@ -61,6 +63,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="stop when this file descriptor can be read or is closed: for buttons and other hooks",
     )
     how.add_argument("--speed", type=_number(1, 20), help="times real time, 1 to 20; only with --sitl")
+    how.add_argument(
+        "--realtime",
+        action="store_true",
+        help="real-time priority (SCHED_FIFO) for the loop and the link, which the system must allow",
+    )
+    how.add_argument("--cpu", metavar="LIST", help="cores for the loop and the link: 2, or 0,2-3")
     view = parser.add_argument_group("what it sees")
     view.add_argument(
         "--camera",
@@ -87,6 +95,7 @@ def run(args: argparse.Namespace) -> int:
     from rich.console import Console
 
     from adatracker_deploy.trial.salvage import salvage_all
+    from adatracker_deploy.trial.stage_table import stage_table
     from adatracker_deploy.trial.summary import summarise_set
     from adatracker_deploy.trial.summary_table import summary_table
 
@@ -96,6 +105,8 @@ def run(args: argparse.Namespace) -> int:
         console.print(line, markup=False, soft_wrap=True)
     with _stoppable(args, console):
         summaries = _run_all(plans, console)
+    if any(summary["rate_hz"] for summary in summaries):
+        console.print(stage_table(summaries))
     console.print(summary_table(summaries))
     if args.json:
         print(json.dumps(summaries[0] if len(plans) == 1 else summarise_set(summaries)))
@@ -198,6 +209,7 @@ def _plan(args: argparse.Namespace, name: str) -> TrialPlan:
     if virtual:
         _check_world(scenario.scene)
     place_for_logs(args.log_dir)
+    scheduling = _scheduling(args)
     segmenter, segmenter_name = _segmenter(args, profile, uri, virtual=virtual)
     return TrialPlan(
         platform=platform,
@@ -212,7 +224,17 @@ def _plan(args: argparse.Namespace, name: str) -> TrialPlan:
         steps=args.steps,
         speed=args.speed or 1.0,
         log_dir=args.log_dir,
+        scheduling=scheduling,
     )
+
+
+def _scheduling(args: argparse.Namespace) -> Scheduling:
+    from adatracker_deploy.runtime.scheduling import Scheduling, read_cpus
+
+    cpus = frozenset[int]() if args.cpu is None else read_cpus(args.cpu, os.sched_getaffinity(0))
+    scheduling = Scheduling(args.realtime, cpus)
+    scheduling.check()
+    return scheduling
 
 
 def _segmenter(

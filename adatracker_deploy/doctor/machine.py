@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
-import resource
 import shutil
 import time
 from pathlib import Path
 
+from adatracker_deploy.errors import UsageError
 from adatracker_deploy.platform import Check
+from adatracker_deploy.runtime.scheduling import MEND, Scheduling
 
 FEWEST_CORES = 2
 """The tracker needs one, its perception another."""
@@ -30,7 +31,7 @@ def machine_checks(place: Path) -> tuple[Check, ...]:
     return (
         cores_check(len(os.sched_getaffinity(0)), os.getloadavg()[0]),
         governor_check(governors),
-        realtime_check(resource.getrlimit(resource.RLIMIT_RTPRIO)[0], os.geteuid()),
+        realtime_check(_may_have_priority()),
         clock_check(
             _CLOCK.read_text().strip() if _CLOCK.exists() else None,
             time.get_clock_info("monotonic").resolution,
@@ -57,16 +58,19 @@ def governor_check(governors: set[str]) -> Check:
     return Check("frequency", ok, f"governor {', '.join(sorted(governors))}{mend}", blocking=False)
 
 
-def realtime_check(priority: int, user: int) -> Check:
-    """Judge whether processes of this user id may be given a real-time priority of up to `priority`."""
-    if user == 0 or priority > 0 or priority == resource.RLIM_INFINITY:
-        return Check("real-time priority", True, "allowed")
-    return Check(
-        "real-time priority",
-        False,
-        "not allowed: a line `USER - rtprio 50` in /etc/security/limits.d/rt.conf, then log in again",
-        blocking=False,
-    )
+def realtime_check(allowed: bool) -> Check:
+    """Judge whether this process may have what ``--realtime`` asks for."""
+    if allowed:
+        return Check("real-time priority", True, "allowed: --realtime")
+    return Check("real-time priority", False, f"not allowed: {MEND}", blocking=False)
+
+
+def _may_have_priority() -> bool:
+    try:
+        Scheduling(realtime=True).check()
+    except UsageError:
+        return False
+    return True
 
 
 def clock_check(source: str | None, resolution_s: float) -> Check:

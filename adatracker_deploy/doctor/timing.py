@@ -15,7 +15,7 @@ from adatracker_deploy.doctor.machine import LOG_BYTES_PER_S
 from adatracker_deploy.messages import Frame, Observation
 from adatracker_deploy.perception.drawing import MASK_SIZE
 from adatracker_deploy.platform import Check
-from adatracker_deploy.runtime.loop import STALE_OBSERVATION_S
+from adatracker_deploy.runtime.loop import MISSED_IN_A_ROW, STALE_OBSERVATION_S
 from adatracker_deploy.runtime.pacer import Pacer
 
 if TYPE_CHECKING:
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
 LATE_P99_S, LATE_MAX_S = 0.002, 0.010
 """Of the loop's ticks, on a robot."""
-MISSED_IN_A_ROW = 3
-"""Slots in a row that refuse."""
 POLICY_SHARE = 0.25
 """Of the loop's period, that a policy's slowest tick of a hundred may take; half of it refuses."""
 SLOW_SYNC_S, BLOCKING_SYNC_S = 0.1, 1.0
@@ -73,15 +71,13 @@ def measured_lateness(policy: Policy, clock: Clock, seconds: float) -> Lateness:
 
 
 def lateness_check(late: Lateness, rate_hz: float) -> Check:
-    """Judge the loop; slots missed in a row refuse."""
+    """Judge the loop; as many slots missed in a row as end a trial refuse."""
     p50, p99, most = _percentiles(late.seconds)
     told = f"at {rate_hz:g} Hz late by p50 {p50 * 1e3:.1f}, p99 {p99 * 1e3:.1f}, at most {most * 1e3:.1f} ms"
     told += f", {late.missed} slots missed" if late.missed else ", no slot missed"
     if p99 < LATE_P99_S and most < LATE_MAX_S and not late.missed:
         return Check("loop", True, told)
-    mend = (
-        "stop what else runs here, give the process real-time priority (chrt -f 50), or a machine of its own"
-    )
+    mend = "stop what else runs here, give it real-time priority with --realtime, or a machine of its own"
     return Check("loop", False, f"{told}: {mend}", blocking=late.in_a_row >= MISSED_IN_A_ROW)
 
 

@@ -30,6 +30,10 @@ class Seen(NamedTuple):
 
     frame: Frame
     observation: Observation
+    taken_ns: int | None = None
+    """When perception had the frame, by the run's clock; None where frames are segmented without one."""
+    ready_ns: int | None = None
+    """When the observation was made, likewise."""
 
 
 def perceive(frame: Frame, segmenter: Segmenter) -> Seen:
@@ -101,7 +105,9 @@ class Perception:
             while not self._ending.is_set():
                 frame = self._camera.read(pacer.wait().t_ns)
                 if frame is not None and (self._newest is None or frame.seq != self._newest.frame.seq):
-                    self._newest = perceive(frame, self._segmenter)
+                    taken_ns = self._clock.now_ns()
+                    seen = perceive(frame, self._segmenter)
+                    self._newest = seen._replace(taken_ns=taken_ns, ready_ns=self._clock.now_ns())
         except PlatformError as error:  # handed to whoever asks next
             self._error = error
         except BaseException as error:  # a fault of ours or a model's, sys.exit too: the robot stops

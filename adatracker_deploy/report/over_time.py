@@ -21,7 +21,8 @@ from adatracker_deploy.report.charts import (
 )
 from adatracker_deploy.report.columns import Stretch
 from adatracker_deploy.report.markup import Html, tag
-from adatracker_deploy.report.page import section, shortened
+from adatracker_deploy.report.page import figure, section, shortened, table
+from adatracker_deploy.trial.stages import STAGES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -205,8 +206,23 @@ def _latency(cols: Columns, report: Report) -> Html:
     missed = report.summary["missed_deadlines"]
     text += f" {missed} deadlines were missed." if missed != 1 else " One deadline was missed."
     return section(
-        "Latency from sensor to command", histogram("latency", counts.tolist(), marks), ends, tag("p", text)
+        "Latency from sensor to command",
+        histogram("latency", counts.tolist(), marks),
+        ends,
+        tag("p", text),
+        _stages(report),
     )
+
+
+def _stages(report: Report) -> Html | None:
+    """Return what each stage took; nothing of logs from before it was measured."""
+    stages = report.summary["stages_ms"]
+    rows = [
+        (stage.replace("_", " "), words, *(figure(found, 1) for found in stages[stage].values()))
+        for stage, words in STAGES.items()
+        if stages[stage]["p50"] is not None
+    ]
+    return table(("stage", "what, in ms", "p50", "p99", "max"), rows) if len(rows) > 1 else None
 
 
 def _greatest(*values: Floats) -> float:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Literal
 
 from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.platform import ZERO, Limits, Platform, PlatformState, Twist
-from adatracker_deploy.runtime.gate import GateState, Reason, Setpoint, Stage, Stop, judge, unwatched
+from adatracker_deploy.runtime.gate import GateState, Reason, Setpoint, Stage, Stop, Verdict, judge, unwatched
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -51,6 +51,18 @@ class Event:
 
 
 @dataclass(frozen=True, slots=True)
+class Acted:
+    """The newest set-point that was sent to the robot, and when it first was; ns of the run's clock."""
+
+    setpoint_ns: int
+    """The set-point's own time, which names it."""
+    judged_ns: int
+    """When the gate had judged it."""
+    sent_ns: int
+    """When the adapter had taken it: written to a socket, or handed to the adapter's own sender."""
+
+
+@dataclass(frozen=True, slots=True)
 class LinkStatus:
     """What the link did last, and the robot's own state."""
 
@@ -64,6 +76,8 @@ class LinkStatus:
     takeover: bool = False
     """Somebody else has control: see `PlatformState.taken_over`."""
     t_ns: int = 0
+    acted: Acted | None = None
+    """None before the first set-point."""
 
 
 class Link:
@@ -129,11 +143,12 @@ class Link:
             self.status = replace(self.status, state=state, t_ns=now_ns)
             if not driven or phase not in _DRIVEN:
                 return self.status
-            gate, verdict = judge(self._limits, self._gate, self._newest(), state, now_ns)
+            setpoint = self._newest()
+            gate, verdict = judge(self._limits, self._gate, setpoint, state, now_ns)
             self._gate = gate
         self._warn(verdict.warnings)
         if gate.stop is None:  # which a link that holds always has
-            self._send(verdict.twist, verdict.reasons, now_ns)
+            self._send(verdict, setpoint, now_ns)
         elif phase is Phase.ACTIVE:
             self._halt(gate.stop)
         elif verdict.stage is Stage.DISENGAGE:
@@ -150,14 +165,18 @@ class Link:
         """Write an event down."""
         self._events.append(Event(self._clock.now_ns(), level, message))
 
-    def _send(self, twist: Twist, reasons: tuple[str, ...], now_ns: int) -> None:
+    def _send(self, verdict: Verdict, setpoint: Setpoint | None, now_ns: int) -> None:
+        judged_ns = self._clock.now_ns()
         try:
-            sent = self._platform.send(twist, now_ns)
+            sent = self._platform.send(verdict.twist, now_ns)
         except PlatformError as error:
             self._halt(Stop(Reason.REFUSED, str(error)))
             return
+        acted = self.status.acted
+        if setpoint is not None and (acted is None or acted.setpoint_ns != setpoint.t_ns):
+            acted = Acted(setpoint.t_ns, judged_ns, self._clock.now_ns())
         with self._lock:
-            self.status = replace(self.status, sent=sent, reasons=reasons)
+            self.status = replace(self.status, sent=sent, reasons=verdict.reasons, acted=acted)
 
     def _halt(self, stop: Stop) -> None:
         """Latch a stop and hold, unless the robot has stopped by itself: it is then left as it is."""

@@ -24,6 +24,7 @@ from adatracker_deploy.runtime.gate import Setpoint
 from adatracker_deploy.runtime.link import RATE_HZ, Event, Link, LinkStatus, Phase
 from adatracker_deploy.runtime.mailbox import Mailbox
 from adatracker_deploy.runtime.pacer import Pacer
+from adatracker_deploy.runtime.scheduling import LINK_PRIORITY, ORDINARY, Scheduling
 from adatracker_deploy.runtime.wire import (
     SETPOINT_BYTES,
     STATUS_BYTES,
@@ -52,7 +53,13 @@ class LinkProcess:
     Usable as a context manager: leaving it disengages a robot that is still engaged.
     """
 
-    def __init__(self, platform: type[Platform], profile: Profile, clock: Clock) -> None:
+    def __init__(
+        self,
+        platform: type[Platform],
+        profile: Profile,
+        clock: Clock,
+        scheduling: Scheduling = ORDINARY,
+    ) -> None:
         self._clock = clock
         context = multiprocessing.get_context("spawn")
         setpoints = context.RawArray("B", Mailbox.size(SETPOINT_BYTES))
@@ -62,7 +69,9 @@ class LinkProcess:
         self._pipe, far_end = context.Pipe()
         self._events: list[Event] = []
         self._process = context.Process(
-            target=_main, args=(platform, profile, clock, setpoints, statuses, far_end), name="link"
+            target=_main,
+            args=(platform, profile, clock, scheduling, setpoints, statuses, far_end),
+            name="link",
         )
         with _deaf_to_interrupts():
             self._process.start()
@@ -175,6 +184,7 @@ def _main(  # noqa: PLR0917 -- what a new process is given comes by position
     platform_class: type[Platform],
     profile: Profile,
     clock: Clock,
+    scheduling: Scheduling,
     setpoints: Any,
     statuses: Any,
     pipe: Connection,
@@ -185,6 +195,7 @@ def _main(  # noqa: PLR0917 -- what a new process is given comes by position
         Path("/proc/self/comm").write_text(PROCESS_NAME, encoding="ascii")
     platform = platform_class(profile, clock)
     try:
+        scheduling.take(LINK_PRIORITY)  # before the adapter starts its threads, which inherit it
         platform.connect()
         checks = platform.preflight()
     except (UsageError, PlatformError) as error:

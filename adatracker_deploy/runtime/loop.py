@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
@@ -10,6 +9,7 @@ from adatracker_deploy.platform import ZERO, Limits, Twist
 from adatracker_deploy.policy.base import Policy, to_twist
 from adatracker_deploy.runtime.link import LinkStatus, Phase
 from adatracker_deploy.runtime.pacer import Pacer, Tick
+from adatracker_deploy.runtime.trace import Trace
 from adatracker_deploy.trial.metrics import MAX_LOST_STEPS, target_visible
 from adatracker_deploy.trial.record import Latency, Outcome, StepRecord
 
@@ -19,12 +19,18 @@ if TYPE_CHECKING:
     from adatracker_deploy.messages import Action
     from adatracker_deploy.perception.pipeline import Seen
     from adatracker_deploy.runtime.clock import Clock
+    from adatracker_deploy.runtime.trace import Arrival
 
 STALE_OBSERVATION_S = 0.22
 """An older observation is not acted on: zero is sent, and the step counts as lost. Machine time.
 
 The next tick and a slot of the link's come on top: zero is on the wire within 0.29 s of the last frame with
 a policy at 20 Hz, within 0.34 s with one at 10 Hz. A segmenter that takes 0.1 s can still be followed."""
+MISSED_IN_A_ROW = 3
+"""So many slots missed in a row end the trial, at any rate of the policy; counted in machine time.
+
+At 20 Hz no command has then come for 0.2 s, which is when the gate sends zero: the robot has begun to stop
+for want of commands, and what has begun to stop does not go on by itself."""
 BLIND_S = 2.0
 """Without a fresh observation for this long the trial ends. Machine time."""
 
@@ -69,9 +75,10 @@ class Loop:
         `steps` + 1 ticks, numbered from 0.
         """
         pacer = Pacer(self.clock, self.policy.info.rate_hz)
+        trace = Trace()
         lost = 0
         for step in range(steps + 1):
-            tick = pacer.wait()
+            tick = pacer.wait(self._patience)
             status, seen = self.link.status(), self.observe()
             if not self.link.alive() or status is None:
                 return Ending("system_fault", "the link process died; the robot's own time-out stops it")
@@ -83,12 +90,9 @@ class Loop:
             command = to_twist(action.values, self.policy.info.action, self.limits) if action else ZERO
             box = seen.observation.box if action else None
             self.link.send(command, tick.t_ns, box.area if box else None)
-            latency = Latency(
-                observation_age_ms=(tick.t_ns - seen.frame.t_ns) / 1e6,
-                infer_ms=infer_ms,
-                sensor_to_command_ms=(self.clock.now_ns() - seen.frame.t_ns) / 1e6,
-                lateness_ms=tick.lateness_s * 1e3,
-            )
+            handed_ns = self.clock.now_ns()
+            latency = _latency(tick, seen, infer_ms, handed_ns, trace.arrived(status.acted))
+            trace.hand_over(tick.t_ns, seen.frame.t_ns, handed_ns)
             record = _record(
                 step=step,
                 tick=tick,
@@ -111,20 +115,46 @@ class Loop:
         """Say why this tick cannot be driven; None when it can."""
         if status.phase is not Phase.ACTIVE:
             return Ending("takeover" if status.takeover else "safety_stop", status.stopped)
+        if tick.skipped >= self._patience:
+            return Ending("safety_stop", f"deadlines_missed: {tick.skipped} slots in a row")
         age_s = self._age_s(tick, seen)
         return Ending("safety_stop", f"no new camera frame for {age_s:.1f} s") if age_s > BLIND_S else None
+
+    @property
+    def _patience(self) -> float:
+        """As many slots as the machine may miss in a row."""
+        return MISSED_IN_A_ROW * self.clock.speed
 
     def _act(self, tick: Tick, seen: Seen) -> tuple[Action | None, float]:
         """Ask the policy; return its action, or None on a stale observation, and the ms it took."""
         if self._age_s(tick, seen) > STALE_OBSERVATION_S:
             return None, 0.0
-        began_ns = time.perf_counter_ns()
+        began_ns = self.clock.now_ns()
         action = self.policy.act(seen.observation)
-        return action, (time.perf_counter_ns() - began_ns) / 1e6
+        return action, (self.clock.now_ns() - began_ns) / 1e6
 
     def _age_s(self, tick: Tick, seen: Seen) -> float:
         """Age of the observation in machine time: a stall is a stall however fast the rehearsal."""
         return (tick.t_ns - seen.frame.t_ns) / 1e9 / self.clock.speed
+
+
+def _latency(tick: Tick, seen: Seen, infer_ms: float, handed_ns: int, arrival: Arrival | None) -> Latency:
+    """Say where the time went: this tick's, and on the wire that of the newest command which got there."""
+    capture_ms = perceive_ms = None
+    if seen.taken_ns is not None and seen.ready_ns is not None:
+        capture_ms = (seen.taken_ns - seen.frame.t_ns) / 1e6
+        perceive_ms = (seen.ready_ns - seen.taken_ns) / 1e6
+    return Latency(
+        observation_age_ms=(tick.t_ns - seen.frame.t_ns) / 1e6,
+        infer_ms=infer_ms,
+        sensor_to_command_ms=(handed_ns - seen.frame.t_ns) / 1e6,
+        lateness_ms=tick.lateness_s * 1e3,
+        capture_ms=capture_ms,
+        perceive_ms=perceive_ms,
+        gate_ms=arrival.gate_ms if arrival else None,
+        send_ms=arrival.send_ms if arrival else None,
+        sensor_to_wire_ms=arrival.sensor_to_wire_ms if arrival else None,
+    )
 
 
 def _record(

@@ -17,7 +17,7 @@ class Tick:
     t_ns: int
     """The clock now."""
     lateness_s: float
-    """How long after its deadline the slot began; below half a period."""
+    """How long after its deadline the slot began; at most half a period, unless patience ended."""
     skipped: int
     """Slots missed since the tick before."""
 
@@ -33,8 +33,13 @@ class Pacer:
         self.missed = 0
         """Slots skipped so far."""
 
-    def wait(self) -> Tick:
-        """Sleep until the next slot that is not yet half over."""
+    def wait(self, patience: float = math.inf) -> Tick:
+        """Sleep until the next slot that is not yet half over.
+
+        Args:
+            patience: slots; once so many have been missed in a row there is no more sleeping, and what is
+                returned says so at once: `Tick.skipped` is then at least this.
+        """
         skipped = -1
         while True:
             elapsed_ns = self._clock.now_ns() - self._start_ns
@@ -43,8 +48,9 @@ class Pacer:
             skipped += next_slot - self._slot
             self._slot = next_slot
             deadline_ns = self._start_ns + round(next_slot * self._period_ns)
-            self._clock.sleep_until(deadline_ns)
+            if skipped < patience:
+                self._clock.sleep_until(deadline_ns)
             now_ns = self._clock.now_ns()
-            if now_ns - deadline_ns <= self._period_ns / 2:
+            if skipped >= patience or now_ns - deadline_ns <= self._period_ns / 2:
                 self.missed += skipped
                 return Tick(now_ns, max(0, now_ns - deadline_ns) / 1e9, skipped)

@@ -9,7 +9,7 @@ from typing import Any
 from adatracker_deploy.geometry import Pose
 from adatracker_deploy.platform import PlatformState, Twist
 from adatracker_deploy.runtime.gate import Setpoint
-from adatracker_deploy.runtime.link import LinkStatus, Phase
+from adatracker_deploy.runtime.link import Acted, LinkStatus, Phase
 
 SETPOINT_BYTES = 512
 STATUS_BYTES = 16384
@@ -55,4 +55,5 @@ def unpack_status(message: bytes) -> LinkStatus:
         stopped=fields["stopped"],
         takeover=fields["takeover"],
         t_ns=fields["t_ns"],
+        acted=fields["acted"] and Acted(**fields["acted"]),
     )

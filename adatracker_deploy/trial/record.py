@@ -22,11 +22,29 @@ class Latency:
     observation_age_ms: float
     """From the frame's capture to the start of the tick."""
     infer_ms: float
-    """What the policy took."""
+    """What the policy took; 0 when the observation was too old to act on."""
     sensor_to_command_ms: float
     """From the frame's capture to the set-point handed to the link."""
     lateness_ms: float
     """How late the tick began against its deadline."""
+    capture_ms: float | None = None
+    """From the frame's capture until perception had it: its decoding, and its waiting to be looked for."""
+    perceive_ms: float | None = None
+    """What segmentation and the target lock took."""
+    gate_ms: float | None = None
+    """Of the newest set-point that the robot was sent, usually the tick's before: from being handed to the
+    link until its gate had judged it. Absent, with the next two, when the link has sent no newer one."""
+    send_ms: float | None = None
+    """Of the same set-point: what the robot's adapter took to send it."""
+    sensor_to_wire_ms: float | None = None
+    """Of the same set-point: from its frame's capture until it was sent."""
+
+    @property
+    def wait_ms(self) -> float | None:
+        """How long the observation waited for a tick to begin."""
+        if self.capture_ms is None or self.perceive_ms is None:
+            return None
+        return self.observation_age_ms - self.capture_ms - self.perceive_ms
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,11 +94,6 @@ class StepRecord:
     target: str | None = None
     """What is known of the target: tracked, coasting, reacquired or lost; absent where no lock keeps it."""
 
-    @property
-    def sensor_to_command_ms(self) -> float:
-        """From the frame's capture to the set-point handed to the link."""
-        return self.latency.sensor_to_command_ms
-
 
 class ScoredStep(NamedTuple):
     """As much of a tick as scoring needs; the fields are `StepRecord`'s."""
@@ -88,7 +101,7 @@ class ScoredStep(NamedTuple):
     step: int
     t_ns: int
     box: Box | None
-    sensor_to_command_ms: float
+    latency: Latency
     missed_deadlines: int
     distance_m: float | None
     bearing_rad: float | None

@@ -19,7 +19,7 @@ import typing
 from typing import TYPE_CHECKING, Any
 
 from adatracker_deploy.messages import Box
-from adatracker_deploy.trial.record import ScoredStep, StepRecord
+from adatracker_deploy.trial.record import Latency, ScoredStep, StepRecord
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -64,7 +64,7 @@ def scored_step_from_json(data: bytes) -> ScoredStep:
             _whole(value["step"]),
             _whole(value["t_ns"]),
             box and Box(float(box["cx"]), float(box["cy"]), float(box["w"]), float(box["h"])),
-            float(value["latency"]["sensor_to_command_ms"]),
+            _builder(Latency)(value["latency"]),
             _whole(value["missed_deadlines"]),
             _number(value.get("distance_m")),
             _number(value.get("bearing_rad")),

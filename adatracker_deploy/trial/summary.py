@@ -8,11 +8,10 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from adatracker_deploy.stats.intervals import mean_estimate, mean_std, share_estimate
 from adatracker_deploy.stats.survival import kaplan_meier, median_duration
 from adatracker_deploy.trial.metrics import DEFAULT_RULES, Rules, score_boxes, score_steps
+from adatracker_deploy.trial.stages import percentiles, stage_times
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -192,21 +191,19 @@ def by_method(summaries: Iterable[Summary]) -> dict[tuple[str | None, str | None
 
 
 def _timing(records: Sequence[StepRecord | ScoredStep]) -> Summary:
-    """Rate over the whole trial, and sensor-to-command latency; None where there is nothing to time."""
-    if not records:
-        return {"rate_hz": None, "seconds": 0.0, "latency_ms": _percentiles([]), "missed_deadlines": 0}
-    first, last = records[0], records[-1]
-    seconds = (last.t_ns - first.t_ns) / 1e9
-    return {
-        "rate_hz": (last.step - first.step) / seconds if seconds > 0 else None,
-        "seconds": seconds,
-        "latency_ms": _percentiles([record.sensor_to_command_ms for record in records]),
-        "missed_deadlines": last.missed_deadlines,
+    """Rate over the whole trial, and latencies; None where there is nothing to time."""
+    latencies = [record.latency for record in records]
+    timing: Summary = {
+        "rate_hz": None,
+        "seconds": 0.0,
+        "latency_ms": percentiles(latency.sensor_to_command_ms for latency in latencies),
+        "stages_ms": stage_times(latencies),
+        "lateness_ms": percentiles(latency.lateness_ms for latency in latencies),
+        "missed_deadlines": 0,
     }
-
-
-def _percentiles(values_ms: Sequence[float]) -> dict[str, float | None]:
-    if not values_ms:
-        return {"p50": None, "p99": None, "max": None}
-    p50, p99, highest = np.percentile(values_ms, (50, 99, 100))
-    return {"p50": float(p50), "p99": float(p99), "max": float(highest)}
+    if records:
+        first, last = records[0], records[-1]
+        timing["seconds"] = seconds = (last.t_ns - first.t_ns) / 1e9
+        timing["rate_hz"] = (last.step - first.step) / seconds if seconds > 0 else None
+        timing["missed_deadlines"] = last.missed_deadlines
+    return timing

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 
 import pytest
+
+from adatracker_deploy.trial.reader import read_trial
 
 from .conftest import COMMAND, Flight
 
@@ -24,6 +27,26 @@ def test_a_ground_robot_follows_to_the_horizon(tmp_path, measured, platform):
     (folder,) = (tmp_path / "trials").iterdir()
     assert json.loads((folder / "summary.json").read_text())["mr"] == summary["mr"]
     measured(f"{platform}: MR {summary['mr']:.3f}, AR {summary['ar']:.0f}, {summary['rate_hz']:.2f} Hz")
+
+
+def test_what_the_kernel_gave_to_loop_and_link_is_told_and_logged_and_so_are_the_stages(tmp_path):
+    core = min(os.sched_getaffinity(0))
+    run = Flight(
+        [
+            *(*COMMAND, "--platform", "wheeled", "--sitl", "--policy", "pid", "--json"),
+            *("--steps", "20", "--cpu", str(core)),
+        ],
+        tmp_path,
+    )
+    _, summary, err = run.end(timeout_s=120)
+    one = f"ordinary priority on cores {core}"
+    assert f"loop: {one}; link: {one}" in err
+    (folder,) = (tmp_path / "trials").iterdir()
+    trial = read_trial(folder)
+    assert f"loop: {one}; link: {one}" in [event.message for event in trial.events]
+    assert (trial.config["realtime"], trial.config["cpus"]) == (False, [core])
+    assert all(found["p50"] is not None for found in summary["stages_ms"].values()), summary
+    assert summary["stages_ms"]["sensor_to_wire"]["p50"] > summary["latency_ms"]["p50"]
 
 
 def test_all_three_robots_print_the_papers_table(tmp_path):

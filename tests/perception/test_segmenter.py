@@ -197,6 +197,23 @@ def test_frame_and_observation_come_together():
     assert (seen.frame.seq, seen.frame.t_ns) == (seen.observation.seq, seen.observation.t_ns)
 
 
+def test_what_was_seen_says_when_it_was_taken_up_and_when_it_was_understood():
+    clock = FakeClock()
+
+    class Exposing(Still):
+        def read(self, now_ns):
+            clock.advance(0.004)
+            return super().read(now_ns)
+
+    def thinks(frame):
+        clock.advance(0.009)
+        return good(frame)
+
+    with Perception(Exposing(), thinks, clock, 20.0) as perception:
+        seen = until(perception.newest)
+    assert (seen.taken_ns - seen.frame.t_ns, seen.ready_ns - seen.taken_ns) == (4_000_000, 9_000_000)
+
+
 def test_a_frame_that_was_seen_is_not_segmented_again():
     class Frozen:
         looks = 0

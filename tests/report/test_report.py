@@ -91,6 +91,15 @@ def test_it_says_how_the_trial_went(pages):
     assert "command withheld" in text
 
 
+def test_it_says_what_each_stage_took_where_the_log_knows(pages, tmp_path):
+    traced = dataclasses.replace(a_step(0).latency, capture_ms=4.25, perceive_ms=5.0, gate_ms=6.5)
+    folder = write_trial(tmp_path / "traced", [a_step(number, latency=traced) for number in range(3)])
+    text = Page(page_of(folder)).text
+    assert "the link's next slot, and the gate" in text
+    assert "6.5" in text
+    assert "the link's next slot" not in Page(pages["varied"]).text
+
+
 def test_it_says_what_the_log_lacks(pages):
     text = Page(pages["varied"]).text
     assert "3 of 61 steps" in text

@@ -13,7 +13,7 @@ from adatracker_deploy.geometry import Pose
 from adatracker_deploy.platform import ZERO, Twist
 from adatracker_deploy.runtime.clock import FakeClock
 from adatracker_deploy.runtime.gate import Reason, Setpoint
-from adatracker_deploy.runtime.link import RATE_HZ, Link, Phase
+from adatracker_deploy.runtime.link import RATE_HZ, Acted, Link, Phase
 from adatracker_deploy.runtime.link_process import wall_timeouts
 from adatracker_deploy.testing.fake import FakePlatform, fake_profile
 
@@ -250,3 +250,31 @@ def test_its_time_outs_stay_in_machine_time_at_any_speed():
     assert limits.command_timeout_s == pytest.approx(5 * fake_profile().limits.command_timeout_s)
     assert limits.state_timeout_s == pytest.approx(5 * fake_profile().limits.state_timeout_s)
     assert limits.forward_m_s == fake_profile().limits.forward_m_s
+
+
+class Slow(FakePlatform):
+    """Takes 3 ms to send."""
+
+    def send(self, twist, now_ns):
+        self.clock.advance(0.003)
+        return super().send(twist, now_ns)
+
+
+def test_a_set_point_that_is_sent_again_keeps_the_time_at_which_it_first_was():
+    rig = Rig(Slow)
+    rig.link.engage()
+    rig.clock.advance(0.02)
+    rig.setpoint = Setpoint(GO, rig.clock.now_ns())
+    rig.clock.advance(0.004)
+    judged_ns = rig.clock.now_ns()
+    first = Acted(rig.setpoint.t_ns, judged_ns, judged_ns + 3_000_000)
+    assert rig.link.step(judged_ns).acted == first
+    assert rig.step(0.1).acted == first
+    assert rig.step(0.02, ZERO).acted.setpoint_ns == rig.setpoint.t_ns
+
+
+def test_a_set_point_that_was_stopped_was_never_sent():
+    rig = Rig().driving()
+    before = rig.link.status.acted
+    assert rig.step(0.02, Twist(vx=math.nan)).phase is Phase.HOLDING
+    assert rig.link.status.acted == before

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from adatracker_deploy.geometry import Pose
 from adatracker_deploy.messages import Action, Box, Frame, Observation, Truth
@@ -13,8 +16,8 @@ from adatracker_deploy.perception.pipeline import Seen
 from adatracker_deploy.platform import ZERO, Limits, PlatformState, Twist
 from adatracker_deploy.policy.base import FORWARD_YAW, PolicyInfo
 from adatracker_deploy.runtime.clock import FakeClock
-from adatracker_deploy.runtime.link import LinkStatus, Phase
-from adatracker_deploy.runtime.loop import BLIND_S, STALE_OBSERVATION_S, Ending, Loop
+from adatracker_deploy.runtime.link import Acted, LinkStatus, Phase
+from adatracker_deploy.runtime.loop import BLIND_S, MISSED_IN_A_ROW, STALE_OBSERVATION_S, Ending, Loop
 
 LIMITS = Limits(forward_m_s=2.0, backward_m_s=1.0, yaw_rate_rad_s=1.0, accel_m_s2=2.0, yaw_accel_rad_s2=4.0)
 BOX = Box(0.5, 0.5, 0.2, 0.6)
@@ -38,7 +41,10 @@ class Rehearsal:
     status_now: LinkStatus | None = FLYING
     living: bool = True
     frame: bool = True
+    stall_s: float = 0.0
+    """How long the tracker gets no processor time in each tick."""
     commands: list[Twist] = field(default_factory=list)
+    sent_ns: list[int] = field(default_factory=list)
     shares: list[float | None] = field(default_factory=list)
     records: list = field(default_factory=list)
     asked: int = 0
@@ -50,17 +56,21 @@ class Rehearsal:
             setattr(self, name, value)
         t_ns = self.clock.now_ns() - round(self.age_s * 1e9)
         truth = Truth(MASK, Pose(), Pose(), (2.5, 0.0), 2.5, 0.1, self.collided)
-        seen = Seen(Frame(RGB, t_ns, self.tick, truth), Observation(MASK, self.box, 1.0, t_ns, self.tick))
+        frame = Frame(RGB, t_ns, self.tick, truth)
+        observation = Observation(MASK, self.box, 1.0, t_ns, self.tick)
+        seen = Seen(frame, observation, taken_ns=t_ns + 4_000_000, ready_ns=t_ns + 13_000_000)
         return seen if self.frame else None
 
     def act(self, observation):
         self.asked += 1
+        self.clock.advance(self.stall_s)
         return Action(np.array([0.5, -0.5], np.float32))
 
     def reset(self, seed=0): ...
 
     def send(self, twist, now_ns, target_share=None):
         self.commands.append(twist)
+        self.sent_ns.append(now_ns)
         self.shares.append(target_share)
 
     def status(self):
@@ -139,3 +149,72 @@ def test_at_a_higher_speed_a_stall_is_still_measured_in_machine_time():
     rehearsal = Rehearsal(clock=FakeClock(speed=5.0), age_s=STALE_OBSERVATION_S * 4)
     rehearsal.run()
     assert rehearsal.asked == STEPS + 1
+
+
+def stalled(stall_s, **changes):
+    """Return a rehearsal whose tracker stands still for so long in its sixth tick, and in that alone."""
+    return Rehearsal(at={5: {"stall_s": stall_s}, 6: {"stall_s": 0.0}}, **changes)
+
+
+def test_slots_missed_now_and_then_are_counted_and_the_trial_goes_on():
+    rehearsal = stalled(0.17)
+    assert rehearsal.run() == Ending("completed")
+    assert [record.missed_deadlines for record in rehearsal.records[4:8]] == [0, 0, 2, 2]
+
+
+def test_three_slots_missed_in_a_row_end_the_trial_without_another_command():
+    rehearsal = stalled(0.18)
+    assert rehearsal.run() == Ending("safety_stop", "deadlines_missed: 3 slots in a row")
+    assert len(rehearsal.commands) == len(rehearsal.records) == 6
+
+
+def test_a_tracker_that_was_starved_stops_as_soon_as_it_runs_not_at_the_next_slot():
+    rehearsal = stalled(0.23)
+    rehearsal.run()
+    assert rehearsal.clock.now_ns() == rehearsal.sent_ns[-1] + 230_000_000
+
+
+def test_what_the_link_stopped_for_meanwhile_is_what_is_told():
+    rehearsal = stalled(1.0)
+    rehearsal.at[5]["status_now"] = replace(FLYING, phase=Phase.HOLDING, stopped="command_lost")
+    assert rehearsal.run() == Ending("safety_stop", "command_lost")
+
+
+def test_at_a_higher_speed_slots_in_a_row_are_counted_in_machine_time():
+    assert stalled(0.7, clock=FakeClock(speed=5.0)).run().outcome == "completed"
+    assert stalled(0.8, clock=FakeClock(speed=5.0)).run().outcome == "safety_stop"
+
+
+@given(st.lists(st.floats(0.0, 0.4), max_size=30))
+def test_whatever_stalls_there_is_no_burst_and_no_command_after_three_missed_slots(stalls):
+    changes = dict(enumerate({"stall_s": stall_s} for stall_s in stalls))
+    rehearsal = Rehearsal(at=changes | {len(stalls): {"stall_s": 0.0}})
+    ending = rehearsal.run()
+    gaps = np.diff(rehearsal.sent_ns)
+    assert all(gap >= 25e6 - 1 for gap in gaps)
+    assert all(gap < (MISSED_IN_A_ROW + 1.5) * 50e6 for gap in gaps)
+    missed = [record.missed_deadlines for record in rehearsal.records]
+    assert all(after - before < MISSED_IN_A_ROW for before, after in itertools.pairwise(missed))
+    starved = any(stall_s > (MISSED_IN_A_ROW + 1) * 0.05 for stall_s in stalls)
+    assert ending.outcome == "safety_stop" if starved else ending.outcome in {"completed", "safety_stop"}
+
+
+class Wired(Rehearsal):
+    """Its link judges every set-point 5 ms after it came and sends it within 2 ms more."""
+
+    def send(self, twist, now_ns, target_share=None):
+        super().send(twist, now_ns, target_share)
+        judged_ns = self.clock.now_ns() + 5_000_000
+        self.status_now = replace(FLYING, acted=Acted(now_ns, judged_ns, judged_ns + 2_000_000))
+
+
+def test_each_step_says_where_its_time_went_and_how_the_command_before_it_reached_the_wire():
+    rehearsal = Wired(stall_s=0.003)
+    rehearsal.run()
+    first, second = (record.latency for record in rehearsal.records[:2])
+    ways = (first.capture_ms, first.perceive_ms, first.wait_ms, first.infer_ms)
+    assert ways == pytest.approx((4.0, 9.0, 7.0, 3.0))
+    assert first.sensor_to_command_ms == pytest.approx(sum(ways))
+    assert (first.gate_ms, first.send_ms, first.sensor_to_wire_ms) == (None, None, None)
+    assert (second.gate_ms, second.send_ms) == pytest.approx((5.0, 2.0))
+    assert second.sensor_to_wire_ms == pytest.approx(first.sensor_to_command_ms + 7.0)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from adatracker_deploy.geometry import Pose
 from adatracker_deploy.platform import PlatformState, Twist
 from adatracker_deploy.runtime.gate import Setpoint
-from adatracker_deploy.runtime.link import LinkStatus, Phase
+from adatracker_deploy.runtime.link import Acted, LinkStatus, Phase
 from adatracker_deploy.runtime.mailbox import Mailbox
 from adatracker_deploy.runtime.wire import (
     STATUS_BYTES,
@@ -101,6 +101,7 @@ def test_a_status_always_fits_and_survives_but_for_its_length(text, pose):
         text,
         True,
         9,
+        Acted(1, 2, 3),
     )
     message = pack_status(status)
     assert len(message) <= STATUS_BYTES
@@ -108,3 +109,4 @@ def test_a_status_always_fits_and_survives_but_for_its_length(text, pose):
     assert text.startswith(back.stopped)
     assert back.state.pose == pose
     assert (back.phase, back.sent, back.reasons) == (status.phase, status.sent, status.reasons)
+    assert back.acted == status.acted

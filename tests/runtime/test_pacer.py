@@ -47,6 +47,19 @@ def test_a_long_stall_skips_its_slots_at_once():
     assert tick.lateness_s == pytest.approx(0.01)
 
 
+class Late(FakeClock):
+    """A machine that always wakes a sleeper when the slot is more than half over."""
+
+    def sleep_until(self, t_ns):
+        super().sleep_until(t_ns + 30_000_000)
+
+
+def test_a_sleeper_that_is_always_woken_too_late_is_told_so_when_patience_ends():
+    pacer = Pacer(Late(t_ns=0), rate_hz=20.0)
+    tick = pacer.wait(patience=3)
+    assert tick.skipped == pacer.missed == 3
+
+
 def test_a_scaled_clock_runs_at_its_speed_and_its_copies_agree():
     clock = MonotonicClock(speed=5.0)
     copy = MonotonicClock(clock.speed, clock.epoch_ns)

@@ -51,6 +51,13 @@ def test_anything_else_is_refused(damage):
         step_from_json(damage.encode())
 
 
+def test_a_log_from_before_stages_were_measured_is_read():
+    old = json.loads(step_to_json(a_step(3)))
+    old["latency"] = {"observation_age_ms": 12, "infer_ms": 2, "sensor_to_command_ms": 15, "lateness_ms": 0.1}
+    latency = step_from_json(json.dumps(old).encode()).latency
+    assert (latency.infer_ms, latency.capture_ms, latency.wait_ms, latency.gate_ms) == (2, None, None, None)
+
+
 def test_the_schema_describes_every_field():
     properties = json.loads(step_schema())["properties"]
     assert list(properties) == [field.name for field in dataclasses.fields(StepRecord)]

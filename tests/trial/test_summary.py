@@ -9,6 +9,8 @@ import pytest
 from rich.console import Console
 
 from adatracker_deploy.trial.record import Latency
+from adatracker_deploy.trial.stage_table import stage_table
+from adatracker_deploy.trial.stages import STAGES
 from adatracker_deploy.trial.summary import summarise, summarise_set
 from adatracker_deploy.trial.summary_table import summary_table
 from tests.trial.records import TICK_NS, a_step
@@ -53,6 +55,55 @@ def test_latency_is_from_sensor_to_command():
     records = [a_step(step, latency=took(10 + step)) for step in range(101)]
     latency = a_summary(records)["latency_ms"]
     assert (latency["p50"], latency["p99"], latency["max"]) == pytest.approx((60, 109, 110))
+
+
+def a_traced_step(step, ms):
+    """A step whose stages took ms, 2 ms, 3 ms, 4 ms, 5 ms, 6 ms on its way to the wire."""
+    latency = Latency(
+        observation_age_ms=ms + 5,
+        infer_ms=4,
+        sensor_to_command_ms=ms + 9,
+        lateness_ms=0.5,
+        capture_ms=ms,
+        perceive_ms=2,
+        gate_ms=5,
+        send_ms=6,
+        sensor_to_wire_ms=ms + 20,
+    )
+    return a_step(step, latency=latency)
+
+
+def test_the_way_is_split_into_stages():
+    summary = a_summary([a_traced_step(step, ms=10 + step) for step in range(101)])
+    stages = summary["stages_ms"]
+    assert list(stages) == list(STAGES)
+    assert [stages[stage]["p50"] for stage in STAGES] == pytest.approx([60, 2, 3, 4, 5, 6, 80])
+    assert stages["capture"] == pytest.approx({"p50": 60, "p99": 109, "max": 110})
+    assert summary["lateness_ms"] == pytest.approx({"p50": 0.5, "p99": 0.5, "max": 0.5})
+
+
+def test_stages_that_an_older_log_does_not_know_are_none():
+    stages = a_summary()["stages_ms"]
+    nothing = {"p50": None, "p99": None, "max": None}
+    assert {name: found for name, found in stages.items() if found != nothing} == {
+        "infer": {"p50": 2, "p99": 2, "max": 2}
+    }
+
+
+def test_several_trials_show_the_median_of_their_medians_and_the_worst_of_the_rest():
+    trials = [a_summary([a_traced_step(step, ms=ms) for step in range(11)]) for ms in (1, 70, 8)]
+    lines = drawn_stages(trials)
+    assert lines["capture"].split()[-3:] == ["8.0", "70.0", "70.0"]
+    assert lines["sensor to command"].split()[-3:] == ["17.0", "79.0", "79.0"]
+    assert drawn_stages([a_summary()])["gate"].split()[-3:] == ["-", "-", "-"]
+
+
+def drawn_stages(summaries):
+    console = Console(file=io.StringIO(), width=80)
+    console.print(stage_table(summaries))
+    names = (*(stage.replace("_", " ") for stage in STAGES), "sensor to command", "lateness")
+    lines = console.file.getvalue().splitlines()
+    return {name: next(line for line in lines if line.strip().startswith(name)) for name in names}
 
 
 def test_mean_and_std_over_trials_are_the_papers():

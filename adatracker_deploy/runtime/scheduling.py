@@ -1,0 +1,129 @@
+"""Real-time priority and cores for the threads that keep time: asked for, given, read back from the kernel.
+
+Linux gives both to a thread, and what a thread starts inherits them. The loop's thread takes them while it
+loops, so perception, the log's writer and a network's threads stay ordinary. The link takes them before it
+connects, so that its adapter's threads, which carry the same commands, have them too.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from adatracker_deploy.errors import UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from collections.abc import Set as AbstractSet
+
+LOOP_PRIORITY = 40
+LINK_PRIORITY = 45
+"""Of SCHED_FIFO, 1 to 99: the link before the loop, both below the kernel's interrupt threads (50)."""
+MEND = "a line `USER - rtprio 50` in /etc/security/limits.d/rt.conf, then log in again"
+"""How a user is allowed real-time priority."""
+
+_POLICIES = {os.SCHED_OTHER: "ordinary priority", os.SCHED_FIFO: "SCHED_FIFO", os.SCHED_RR: "SCHED_RR"}
+_PART = re.compile(r"(\d{1,5})(?:-(\d{1,5}))?", re.ASCII)
+
+
+@dataclass(frozen=True, slots=True)
+class Scheduling:
+    """What the threads that keep time are to be given."""
+
+    realtime: bool = False
+    """SCHED_FIFO, at the priorities above."""
+    cpus: frozenset[int] = frozenset()
+    """The only cores that they may use; empty: any."""
+
+    def __bool__(self) -> bool:
+        return self.realtime or bool(self.cpus)
+
+    def check(self) -> None:
+        """See that it can be had, by having it for a moment.
+
+        Raises:
+            UsageError: the system refuses it.
+        """
+        with self.of_this_thread(LINK_PRIORITY):
+            pass
+
+    @contextlib.contextmanager
+    def of_this_thread(self, priority: int) -> Iterator[None]:
+        """Have it in the calling thread, and give it back at the end.
+
+        Raises:
+            UsageError: as `check`.
+        """
+        policy, param, cpus = os.sched_getscheduler(0), os.sched_getparam(0), os.sched_getaffinity(0)
+        try:
+            self.take(priority)
+            yield
+        finally:
+            if (os.sched_getscheduler(0), os.sched_getparam(0)) != (policy, param):
+                os.sched_setscheduler(0, policy, param)
+            if self.cpus:
+                os.sched_setaffinity(0, cpus)
+
+    def take(self, priority: int) -> None:
+        """Have it for good, in the calling thread and what it starts from now on.
+
+        Raises:
+            UsageError: as `check`.
+        """
+        if self.cpus:
+            try:
+                os.sched_setaffinity(0, self.cpus)
+            except OSError as error:
+                raise UsageError(f"--cpu {cpus_text(self.cpus)}: refused ({error.strerror})") from error
+        if self.realtime:
+            try:
+                os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+            except OSError as error:
+                raise UsageError(f"--realtime: the system refuses it ({error.strerror}); {MEND}") from error
+
+
+ORDINARY = Scheduling()
+
+
+def obtained(pid: int = 0) -> str:
+    """Say what a process's first thread, or with 0 the calling one, really has, as the kernel tells it."""
+    policy = os.sched_getscheduler(pid) & ~os.SCHED_RESET_ON_FORK
+    told = _POLICIES.get(policy, f"scheduling policy {policy}")
+    if priority := os.sched_getparam(pid).sched_priority:
+        told += f" {priority}"
+    return f"{told} on cores {cpus_text(os.sched_getaffinity(pid))}"
+
+
+def read_cpus(text: str, usable: AbstractSet[int]) -> frozenset[int]:
+    """Read a list of cores as ``taskset -c`` takes it: ``2``, ``0,2-3``.
+
+    Args:
+        text: the list.
+        usable: the cores that this process may use.
+
+    Raises:
+        UsageError: it is no list, or names a core that is not usable.
+    """
+    cpus: set[int] = set()
+    for part in text.split(","):
+        match = _PART.fullmatch(part)
+        if match is None or int(match[1]) > int(match[2] or match[1]):
+            raise UsageError(f"--cpu {text}: {part!r} is neither a core nor a range of cores, as in 0,2-3")
+        cpus.update(range(int(match[1]), int(match[2] or match[1]) + 1))
+    if missing := cpus - usable:
+        raise UsageError(f"--cpu {text}: core {min(missing)} cannot be used; there are {cpus_text(usable)}")
+    return frozenset(cpus)
+
+
+def cpus_text(cpus: AbstractSet[int]) -> str:
+    """Write a set of cores as `read_cpus` reads it."""
+    parts: list[str] = []
+    for cpu in sorted(cpus):
+        if cpu - 1 not in cpus:
+            parts.append(f"{cpu}")
+        elif cpu + 1 not in cpus:
+            parts[-1] += f"-{cpu}"
+    return ",".join(parts)

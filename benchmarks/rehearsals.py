@@ -1,0 +1,117 @@
+"""What the benchmarks of whole trials share: a plan for one, and the processes that it started."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+
+from adatracker_deploy.perception.segmenters import TRUTH, open_segmenter
+from adatracker_deploy.perception.target.choice import Choice
+from adatracker_deploy.platform import Scenario, load_platform
+from adatracker_deploy.policy.catalogue import load_policy
+from adatracker_deploy.profile import load_profile
+from adatracker_deploy.runtime.scheduling import ORDINARY, Scheduling
+from adatracker_deploy.trial_run import TrialPlan
+
+POLICY = "pid"
+"""Runs at 20 Hz."""
+NAMES = {
+    "adatracker-link": "link",
+    "trial.writer": "log",
+    "_wheeled": "robot",
+    "_drone": "robot",
+    "_quadruped": "robot",
+}
+"""What a trial's processes are called by a part of their command."""
+
+
+def rehearsal(
+    platform: str,
+    log_dir: Path,
+    steps: int,
+    *,
+    seed: int = 0,
+    target_speed_m_s: float = 1.0,
+    scheduling: Scheduling = ORDINARY,
+) -> TrialPlan:
+    """Plan what ``adatracker-deploy --platform NAME --sitl --policy pid`` runs."""
+    robot = load_platform(platform)
+    profile = load_profile(robot.default_profile, robot)
+    segmenter, segmenter_name = open_segmenter(
+        TRUTH, "person", Choice.read("largest"), rate_hz=profile.camera.rate_hz
+    )
+    return TrialPlan(
+        platform=robot,
+        profile=profile,
+        policy=load_policy(POLICY),
+        scenario=Scenario(seed=seed, target_speed_m_s=target_speed_m_s),
+        camera="",
+        segmenter=segmenter,
+        segmenter_name=segmenter_name,
+        sitl=True,
+        dry_run=False,
+        steps=steps,
+        speed=1.0,
+        log_dir=log_dir,
+        scheduling=scheduling,
+    )
+
+
+@contextlib.contextmanager
+def cpu_hogs(count: int):
+    """Keep so many processes busy with nothing."""
+    hogs = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for hog in hogs:
+            hog.kill()
+            hog.wait()
+
+
+def children(pid: int) -> list[int]:
+    """Return the ids of a process's children, of all its threads."""
+    found: list[int] = []
+    for task in Path(f"/proc/{pid}/task").iterdir():
+        with contextlib.suppress(FileNotFoundError):
+            found += map(int, (task / "children").read_text().split())
+    return found
+
+
+def name_of(pid):
+    """Say which of a trial's processes it is."""
+    words = Path(f"/proc/{pid}/comm").read_text() + Path(f"/proc/{pid}/cmdline").read_text()
+    return next((name for mark, name in NAMES.items() if mark in words), "helper")
+
+
+def family(pid):
+    """Return the processes below one, with their names; those of one name are numbered."""
+    found, count = {}, Counter()
+    for child in children(pid):
+        with contextlib.suppress(FileNotFoundError):
+            name = name_of(child)
+            count[name] += 1
+            found[child] = name if count[name] == 1 else f"{name} {count[name]}"
+            found |= {pid: f"{found[child]}'s {name}" for pid, name in family(child).items()}
+    return found
+
+
+def favour(pid):
+    """Let a process go before others, in all its threads; return whether the system allows it."""
+    try:
+        for task in Path(f"/proc/{pid}/task").iterdir():
+            with contextlib.suppress(ProcessLookupError):
+                os.setpriority(os.PRIO_PROCESS, int(task.name), -10)
+    except PermissionError:
+        return False
+    return True
+
+
+def machine() -> str:
+    """Say in a line on what this ran."""
+    load = ", ".join(f"{value:.1f}" for value in os.getloadavg())
+    return f"{len(os.sched_getaffinity(0))} cores, load {load}"
