@@ -40,10 +40,8 @@ class LiveView:
     def __init__(self, port: int) -> None:
         import foxglove  # the extra: 60 ms and 27 MB
 
-        logging.getLogger("foxglove").setLevel(
-            logging.CRITICAL
-        )  # stderr is the tracker's, who says what matters
-        context = foxglove.Context()
+        logging.getLogger("foxglove").setLevel(logging.CRITICAL)  # stderr is the tracker's
+        self._context = foxglove.Context()  # the server refers to it, but does not keep it
         self._channels = {
             channel.topic: foxglove.Channel(
                 channel.topic,
@@ -51,7 +49,7 @@ class LiveView:
                 schema=foxglove.Schema(
                     name=channel.schema_name, encoding=channel.schema_encoding, data=channel.schema
                 ),
-                context=context,
+                context=self._context,
             )
             for channel in channels()
         }
@@ -61,7 +59,7 @@ class LiveView:
                 host=HOST,
                 port=port,
                 capabilities=[],
-                context=context,
+                context=self._context,
                 message_backlog_size=BACKLOG,
             )
         except RuntimeError as error:
