@@ -26,6 +26,7 @@ from adatracker_deploy.runtime.link import LinkStatus, Phase
 from adatracker_deploy.runtime.link_process import LinkProcess
 from adatracker_deploy.runtime.loop import Ending, Loop
 from adatracker_deploy.runtime.scheduling import LOOP_PRIORITY, ORDINARY, Scheduling, obtained
+from adatracker_deploy.trial.live_port import app_url, websocket_url
 from adatracker_deploy.trial.log import TrialLog
 from adatracker_deploy.trial.scored_steps import ScoredSteps
 from adatracker_deploy.trial.summary import summarise
@@ -76,6 +77,8 @@ class TrialPlan:
     log_dir: Path
     scheduling: Scheduling = ORDINARY
     """Of the loop's thread and of the link."""
+    live_port: int | None = None
+    """Where the live view listens, on this machine alone; None for none."""
 
 
 class Progress(Protocol):
@@ -136,7 +139,10 @@ class _Trial:
             steps=plan.steps,
             config=self._config(profile),
             now_ns=self.clock.now_ns(),
+            live_port=plan.live_port,
         )
+        if plan.live_port is not None:
+            self.progress.phase(f"live view: {websocket_url(plan.live_port)}, or {app_url(plan.live_port)}")
         if self.log.trouble:
             raise PlatformError(f"the trial cannot be logged: {self.log.trouble}")
         for name in profile.limits.switched_off:

@@ -27,7 +27,7 @@ class Progress:
     def phase(self, text: str) -> None:
         """Say what happens now."""
         self._clear()
-        self._console.print(text, highlight=False)
+        self._console.print(text, highlight=False, soft_wrap=True)  # an address in it stays in one piece
 
     def step(self, record: StepRecord) -> None:
         """Show a step, if the last one shown is old enough."""

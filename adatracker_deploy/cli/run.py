@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from adatracker_deploy.cli.seeing import add_segmenter_options
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.policy.catalogue import DEFAULT
+from adatracker_deploy.trial.live_port import DEFAULT_PORT, choose_port
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -86,6 +87,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     out = parser.add_argument_group("what it leaves")
     out.add_argument("--log-dir", type=Path, default=Path("trials"), help="default: %(default)s")
+    out.add_argument(
+        "--live",
+        type=_whole(0, 65535),
+        nargs="?",
+        const=DEFAULT_PORT,
+        metavar="PORT",
+        help="show the trial in Foxglove while it runs: a websocket of this machine alone, on PORT "
+        "(default: %(const)s; 0: any free one)",
+    )
     out.add_argument("--json", action="store_true", help="one JSON object as the last line of stdout")
     parser.set_defaults(run=run)
 
@@ -170,6 +180,9 @@ def _plans(args: argparse.Namespace) -> list[TrialPlan]:
             "several platforms are rehearsed with their own profiles: add --sitl, drop --profile"
         )
     plans = [_plan(args, name) for name in names]
+    if args.live is not None:
+        live_port = choose_port(args.live)  # the same for all trials: a viewer finds the next one by itself
+        plans = [dataclasses.replace(plan, live_port=live_port) for plan in plans]
     return [
         dataclasses.replace(plan, scenario=dataclasses.replace(plan.scenario, seed=args.seed + trial))
         for plan in plans

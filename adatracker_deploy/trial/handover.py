@@ -49,6 +49,8 @@ class Start:
     path: str
     """Its name once it is whole."""
     metadata: dict[str, dict[str, str]]
+    live_port: int | None = None
+    """Where on this machine the live view listens; None for none."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -88,6 +88,7 @@ class TrialLog:
         steps: int,
         config: Mapping[str, Any],
         now_ns: int,
+        live_port: int | None = None,
     ) -> TrialLog:
         """Make the folder ``LOG_DIR/<UTC time>_<platform>_<kind>/`` (mode 0700) and start the writer.
 
@@ -99,9 +100,10 @@ class TrialLog:
             steps: the planned horizon.
             config: everything else that the run was started with, in plain YAML types.
             now_ns: the run's clock. Wall-clock time is read once, here, and only written down.
+            live_port: where the writer serves the live view (`live_port.choose_port`); None for none.
 
         Raises:
-            UsageError: the folder cannot be written, or the writer does not start.
+            UsageError: the folder cannot be written, the port is in use, or the writer does not start.
         """
         wall_ns = time.time_ns()
         folder = new_folder(log_dir, wall_ns, f"{platform}_{kind}")
@@ -142,7 +144,7 @@ class TrialLog:
             far.close()
             os.close(memory_fd)
         log = cls(folder, Post(near), slots, writer, wall_ns - now_ns)
-        log._start(Start(str(folder / PART_NAME), str(folder / FILE_NAME), metadata))
+        log._start(Start(str(folder / PART_NAME), str(folder / FILE_NAME), metadata, live_port))
         return log
 
     def step(self, record: StepRecord, frame: Frame, observation: Observation) -> None:

@@ -7,6 +7,9 @@ SIGTERM, which reach a whole process group: the end of a run is the tracker's to
 Each tick is flushed to the kernel, which survives a kill of every process here; `fdatasync` at most a second
 later, which survives a power cut (1.4 ms, measured). When the disk is full the file is cut back to its last
 whole tick and left as ``.part``, readable so far.
+
+The live view, where one was asked for, is served from here as well: every tick is encoded once, written, then
+shown. A view that fails ends, and the log goes on; a log that fails ends, and the view goes on.
 """
 
 from __future__ import annotations
@@ -19,10 +22,12 @@ import socket
 import sys
 import time
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import cv2
 
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.trial.channels import Encoder
 from adatracker_deploy.trial.folder import sync_folder
 from adatracker_deploy.trial.handover import (
     End,
@@ -35,7 +40,11 @@ from adatracker_deploy.trial.handover import (
     Step,
     Trouble,
 )
+from adatracker_deploy.trial.live_view import LiveView
 from adatracker_deploy.trial.trial_file import TrialFile
+
+if TYPE_CHECKING:
+    from adatracker_deploy.trial.channels import Message
 
 SYNC_INTERVAL_S = 1.0
 
@@ -90,6 +99,8 @@ class TrialWriter:
     def __init__(self, post: Post, slots: PictureSlots) -> None:
         self._post = post
         self._slots = slots
+        self._encoder = Encoder()
+        self._view: LiveView | None = None
         self._summary_json: str | None = None
         self._last_sync_s = time.monotonic()
         self._unsynced = False
@@ -97,6 +108,17 @@ class TrialWriter:
     def run(self) -> None:
         """Write until the tracker closes its end."""
         start: Start = self._post.receive(timeout_s=None)
+        try:
+            if start.live_port is not None:
+                self._view = LiveView(start.live_port)
+            self._write_trial(start)
+        except UsageError as error:
+            self._tell(Trouble(str(error)))
+        finally:
+            if self._view is not None:
+                self._view.close()
+
+    def _write_trial(self, start: Start) -> None:
         part, path = Path(start.part), Path(start.path)
         try:
             self._file = WholeTicks(part)
@@ -127,12 +149,11 @@ class TrialWriter:
                 message = self._next()
                 if message is None:
                     continue
-                try:
-                    self._write(message)
-                except (TypeError, ValueError, cv2.error) as error:
-                    self._tell(Trouble(f"a tick could not be logged: {error}"))
+                messages = self._encode(message)
+                self._trial.write(messages)
                 self._file.flush()
                 self._unsynced = True
+                self._show(messages)
 
     def _next(self) -> Any:
         """Return the next message; None after the file was synced instead."""
@@ -146,28 +167,54 @@ class TrialWriter:
         self._last_sync_s, self._unsynced = time.monotonic(), False
         return None
 
-    def _write(self, message: Step | LogLine | End) -> None:
-        match message:
-            case Step(wall_ns, captured_ns, record, picture):
-                if picture is not None:
-                    try:
-                        rgb, mask = self._slots.get(picture)
-                        self._trial.picture(wall_ns, captured_ns, record.frame_seq, rgb, mask)
-                    finally:
-                        self._tell(Free(picture.slot))
-                self._trial.step(wall_ns, captured_ns, record)
-            case LogLine(wall_ns, level, text):
-                self._trial.event(wall_ns, level, text)
-            case End(summary_json):
-                self._summary_json = summary_json
+    def _encode(self, message: Step | LogLine | End) -> list[Message]:
+        """Return what is to be written of a message; nothing, which is told, where it cannot be encoded."""
+        try:
+            match message:
+                case Step(wall_ns, captured_ns, record, picture):
+                    messages = []
+                    if picture is not None:
+                        try:
+                            rgb, mask = self._slots.get(picture)
+                            messages = self._encoder.picture(
+                                wall_ns, captured_ns, record.frame_seq, rgb, mask
+                            )
+                        finally:
+                            self._tell(Free(picture.slot))
+                    return messages + self._encoder.step(wall_ns, captured_ns, record)
+                case LogLine(wall_ns, level, text):
+                    return self._encoder.event(wall_ns, level, text)
+                case End(summary_json):
+                    self._summary_json = summary_json
+        except (TypeError, ValueError, cv2.error) as error:
+            self._tell(Trouble(f"a tick could not be logged: {error}"))
+        return []
+
+    def _encode_picture(self, step: Step) -> list[Message]:
+        if step.picture is None:
+            return []
+        try:
+            rgb, mask = self._slots.get(step.picture)
+            return self._encoder.picture(step.wall_ns, step.captured_ns, step.record.frame_seq, rgb, mask)
+        finally:
+            self._tell(Free(step.picture.slot))
+
+    def _show(self, messages: list[Message]) -> None:
+        """Hand messages to the live view; one that fails is given up, and the log says so."""
+        if self._view is None:
+            return
+        try:
+            self._view.show(messages)
+        except Exception as error:  # whatever a viewer does, the log goes on
+            self._view = None
+            text = f"the live view has ended: {error}"
+            self._trial.write(self._encoder.event(time.time_ns(), "warning", text))
 
     def _drain(self) -> None:
-        """Take what still comes, so that a log that failed looks no different to the loop."""
+        """Take and show what still comes, so that a log that failed looks no different to the loop."""
         with contextlib.suppress(EOFError):
             while True:
-                message = self._post.receive(timeout_s=None)
-                if isinstance(message, Step) and message.picture is not None:
-                    self._tell(Free(message.picture.slot))
+                self._show(self._encode(self._post.receive(timeout_s=None)))
 
     def _tell(self, message: Ready | Free | Trouble) -> None:
         with contextlib.suppress(OSError):  # a tracker that has gone need not be told

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import threading
 
@@ -33,16 +34,23 @@ def writing(tmp_path, monkeypatch):
     monkeypatch.setattr(
         writer, "sync_folder", lambda folder: note((folder, sorted(file.name for file in folder.iterdir())))
     )
-    near, far = Post.pair()
-    memory = PictureSlots.allocate()
     folder = tmp_path / "trial"
     folder.mkdir()
+    with started(folder) as post:
+        yield post, folder, synced, changed
+
+
+@contextlib.contextmanager
+def started(folder, live_port=None):
+    """Give the post of a writer in a thread, which is ready."""
+    near, far = Post.pair()
+    memory = PictureSlots.allocate()
     thread = threading.Thread(target=writer.TrialWriter(Post(far), PictureSlots(memory)).run)
     thread.start()
     post = Post(near)
-    post.send(Start(str(folder / "trial.mcap.part"), str(folder / "trial.mcap"), METADATA), 10)
+    post.send(Start(str(folder / "trial.mcap.part"), str(folder / "trial.mcap"), METADATA, live_port), 10)
     assert isinstance(post.receive(10), Ready)
-    yield post, folder, synced, changed
+    yield post
     post.finish()
     thread.join(10)
     post.close()
@@ -70,3 +78,26 @@ def test_at_the_end_the_file_is_synced_then_named_then_its_folder_is_synced(writ
     with changed:
         assert changed.wait_for(lambda: synced[-1] == (folder, ["trial.mcap"]), 10)
         assert synced[-2] == (folder / "trial.mcap").stat().st_size
+
+
+class TornView:
+    """A live view that fails at the first message."""
+
+    def __init__(self, port):
+        self.port = port
+
+    def show(self, messages):
+        raise RuntimeError("the line is torn")
+
+    def close(self):
+        """Nothing is open."""
+
+
+def test_a_live_view_that_fails_ends_and_the_log_goes_on_and_says_so(tmp_path, monkeypatch):
+    monkeypatch.setattr(writer, "LiveView", TornView)
+    with started(tmp_path, live_port=1) as post:
+        for number in range(3):
+            post.send(LogLine(number, "info", f"event {number}"), 10)
+    trial = (tmp_path / "trial.mcap").read_bytes()
+    assert [trial.count(f"event {number}".encode()) for number in range(3)] == [1, 1, 1]
+    assert trial.count(b"the live view has ended: the line is torn") == 1

@@ -1,0 +1,80 @@
+"""A rehearsal is watched while it runs, by a viewer that shares no code with the toolkit."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import re
+import time
+
+import cv2
+import numpy as np
+import pytest
+
+from .conftest import started
+
+pytest.importorskip("foxglove", reason="needs the extra 'live'")
+
+from tests.trial.viewer import Viewer
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(240)]
+STEPS = 100
+
+
+@pytest.fixture
+def watched(tmp_path):
+    """The command's line that says where it can be watched, a viewer there, and the run."""
+    arguments = (
+        "--platform",
+        "wheeled",
+        "--sitl",
+        "--policy",
+        "pid",
+        "--steps",
+        str(STEPS),
+        "--live",
+        "0",
+        "--json",
+    )
+    with started(tmp_path) as start:
+        run = start(*arguments)
+        line = next(line for line in run.process.stderr if line.startswith("live view: "))
+        with Viewer(int(re.search(r"ws://127\.0\.0\.1:(\d+),", line)[1])) as viewer:
+            yield line, viewer, run
+
+
+def test_a_viewer_sees_pictures_and_steps_at_the_loops_rate(watched, tmp_path, measured):
+    line, viewer, run = watched
+    assert "https://app.foxglove.dev/?ds=foxglove-websocket&ds.url=ws%3A%2F%2F127.0.0.1%3A" in line
+    told, came_s = [], []
+    while not told or not (told[-1].topic == "/step" and told[-1].says["step"] == STEPS):
+        told.append(viewer.next(timeout_s=60))
+        if told[-1].topic == "/step":
+            came_s.append(time.monotonic())
+    status, summary, err = run.end()
+    assert status == 0, err
+    assert summary["outcome"] == "completed"
+    steps = [each.says for each in told if each.topic == "/step"]
+    assert [step["step"] for step in steps] == list(range(STEPS + 1))
+    (folder,) = (tmp_path / "trials").iterdir()
+    assert json.loads((folder / "summary.json").read_text())["steps"] == STEPS
+
+    by_topic = {topic: [each for each in told if each.topic == topic] for topic in {e.topic for e in told}}
+    camera, masks = by_topic["/camera"], by_topic["/mask"]
+    assert len(camera) == len(masks) == len({step["frame_seq"] for step in steps})  # each once
+    for each in (camera[0], camera[-1]):
+        picture = cv2.imdecode(np.frombuffer(each.says.data, np.uint8), cv2.IMREAD_COLOR)
+        assert picture.std() > 5  # it shows something
+    mask = cv2.imdecode(np.frombuffer(masks[-1].says.data, np.uint8), cv2.IMREAD_COLOR)
+    assert mask.shape == picture.shape
+    assert len(by_topic["/box"][-1].says.points) == 1
+    assert len(steps[-1]["action"]) == 2
+    assert steps[-1]["sent"]["vx"] != 0
+    assert {"velocity", "latency", "mode", "state_age_s"} <= steps[-1].keys()
+
+    rate_hz = STEPS / (came_s[-1] - came_s[0])
+    assert rate_hz == pytest.approx(summary["rate_hz"], rel=0.2)
+    gap_ms = max(b - a for a, b in itertools.pairwise(came_s)) * 1e3
+    measured(
+        f"live view: {rate_hz:.2f} Hz, the loop {summary['rate_hz']:.2f} Hz; longest gap {gap_ms:.0f} ms"
+    )
