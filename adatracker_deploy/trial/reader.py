@@ -54,6 +54,13 @@ class LoggedFrame(NamedTuple):
     mask: ClassMask
 
 
+class LoggedMask(NamedTuple):
+    """A frame's class mask alone, uint8 of the mask's own size."""
+
+    seq: int
+    mask: ClassMask
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrialAbout:
     """What a log says of its trial, apart from its ticks."""
@@ -107,6 +114,19 @@ class Trial(TrialAbout):
                 continue
             with contextlib.suppress(DecodeError, ValueError, cv2.error):
                 yield _frame(record.sequence, jpeg, record.data)
+
+    def masks(self) -> Iterator[LoggedMask]:
+        """Read every frame's mask, in order, one at a time; a damaged one is left out.
+
+        Raises:
+            UsageError: the file cannot be read any more.
+        """
+        for topic, record in _records(self.path, lambda topic, _: topic == "/mask"):
+            if topic == "/mask":
+                with contextlib.suppress(DecodeError, ValueError):
+                    yield LoggedMask(
+                        record.sequence, decode_mask(CompressedImage.FromString(record.data).data)
+                    )
 
 
 def read_trial(path: Path) -> Trial:

@@ -81,6 +81,11 @@ class StepRecord:
         """From the frame's capture to the set-point handed to the link."""
         return self.latency.sensor_to_command_ms
 
+    @property
+    def frame_t_ns(self) -> int:
+        """When this tick's frame was captured, ns of the run's clock: exact up to an age of 26 days."""
+        return self.t_ns - round(self.latency.observation_age_ms * 1e6)
+
 
 class ScoredStep(NamedTuple):
     """As much of a tick as scoring needs; the fields are `StepRecord`'s."""

@@ -13,6 +13,13 @@
 Foxglove's schemas come as protobuf, from its own package, because images in JSON would be a third larger.
 Messages carry wall-clock time; the camera's and mask's sequence number is the frame's.
 The metadata records `trial`, `config` and, when the trial ended in order, `summary` hold the rest.
+
+What a policy was shown and answered is there to the bit, so that `replay` can ask it again: masks are palette
+PNGs without loss; box, `action` and `context` (z) are float32 or float64 written as the shortest text that
+reads back the same; the frame's time is `t_ns` less `latency.observation_age_ms`; a tick with an empty
+`action` was too old to act on, and the policy was not asked; `config` has the seed of its reset and the
+SHA-256 of each file of its bundle; its last action is its own answer, not what the gate sent. The pictures
+are JPEG: what perception saw is not there to the bit, and no policy sees it.
 """
 
 from __future__ import annotations
