@@ -65,7 +65,7 @@ class Spread:
         ]
         apart = [math.inf if math.isnan(value) else value for value in apart]
         most = max(apart)
-        mean = math.fsum(apart) / len(apart) if math.isfinite(most) else math.inf
+        mean = math.fsum(value / len(apart) for value in apart) if math.isfinite(most) else math.inf
         return cls(mean, most, ticks[apart.index(most)])
 
 

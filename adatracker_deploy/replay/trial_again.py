@@ -189,7 +189,8 @@ def _notes(
     if first is not None and same is not False:
         notes += _elsewhere(trial)
         notes.append(
-            f"other processors and versions round differently; in the golden vectors {GOLDEN_TOLERANCE:g} is let pass"
+            "other processors and versions round differently: of golden vectors, differences of up to "
+            f"{GOLDEN_TOLERANCE:g} are let pass"
         )
     return notes
 
