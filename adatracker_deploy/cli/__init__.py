@@ -63,6 +63,7 @@ def _parser(*, with_commands: bool) -> argparse.ArgumentParser:
         evaluate,
         filmstrip,
         lists,
+        mark,
         replay,
         report,
         run,
@@ -70,6 +71,7 @@ def _parser(*, with_commands: bool) -> argparse.ArgumentParser:
         score,
         stop,
         train,
+        trials,
         view,
     )
 
@@ -87,6 +89,8 @@ def _parser(*, with_commands: bool) -> argparse.ArgumentParser:
         doctor,
         stop,
         view,
+        trials,
+        mark,
         score,
         compare,
         report,

@@ -20,9 +20,9 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser = commands.add_parser(
         "replay",
         help="ask a trial's policy, or another, again what it was asked",
-        description="Show a policy what a trial's log says was seen, and compare action and z tick by tick. The "
-        "same bundle on the same machine answers the same to the bit. Exit status: 1 where the trial's own "
-        "policy answers otherwise, 0 else; of another bundle differences are expected. Nothing moves.",
+        description="Show a policy what a trial's log says was seen, and compare action and z tick by tick. "
+        "The same bundle on the same machine answers the same to the bit. Exit status: 1 where the trial's "
+        "own policy answers otherwise, 0 else; of another bundle differences are expected. Nothing moves.",
     )
     parser.add_argument("trial", metavar="TRIAL", type=Path, help="a trial's folder, or its trial.mcap")
     parser.add_argument(

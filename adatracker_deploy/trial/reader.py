@@ -21,6 +21,7 @@ from mcap.writer import MCAP0_MAGIC
 
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.trial.folder import FILE_NAME, PART_NAME
+from adatracker_deploy.trial.marks import Mark, read_marks
 from adatracker_deploy.trial.mask_png import decode_mask
 from adatracker_deploy.trial.scan import whole_records
 from adatracker_deploy.trial.step_json import STEP_FORMAT, scored_step_from_json, step_from_json
@@ -81,6 +82,8 @@ class TrialAbout:
     """When and with which versions it was written."""
     frame_seqs: frozenset[int]
     """Of the frames that are in the log."""
+    marks: tuple[Mark, ...] = ()
+    """What the operator said of it, in the order of saying."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,9 +152,26 @@ def read_scored(path: Path) -> ScoredTrial:
     return ScoredTrial(steps=steps, **about)
 
 
+def read_head(path: Path) -> tuple[Path, Mapping[str, str]]:
+    """Read only which file a trial is in, and what its log says of it at its very beginning.
+
+    Raises:
+        UsageError: as `read_trial`.
+    """
+    file = trial_file(path)
+    for _, record in _records(file, lambda *_: False):
+        if isinstance(record, Metadata) and record.name == "trial":
+            try:
+                _check_format(file, record.metadata)
+            except (KeyError, ValueError) as error:
+                raise UsageError(f"{file}: not a trial of this toolkit ({_one_line(error)})") from error
+            return file, record.metadata
+    raise UsageError(f"{file}: not a trial of this toolkit (it does not say what trial it is of)")
+
+
 def _read(path: Path, decode: Callable[[bytes], StepT]) -> tuple[dict[str, Any], tuple[StepT, ...]]:
     """Read what `TrialAbout` holds, and the ticks in order."""
-    file = _trial_file(path)
+    file = trial_file(path)
     metadata: dict[str, Mapping[str, str]] = {}
     steps: list[StepT] = []
     events: list[LoggedEvent] = []
@@ -184,6 +204,7 @@ def _read(path: Path, decode: Callable[[bytes], StepT]) -> tuple[dict[str, Any],
             "complete": complete,
             "about": trial,
             "frame_seqs": frozenset(frame_seqs),
+            "marks": read_marks(file),
         }
     except (KeyError, TypeError, ValueError, DecodeError, yaml.YAMLError) as error:
         raise UsageError(f"{file}: not a trial of this toolkit ({_one_line(error)})") from error
@@ -216,7 +237,12 @@ def find_trials(path: Path) -> list[Path]:
     return sorted(found)
 
 
-def _trial_file(path: Path) -> Path:
+def trial_file(path: Path) -> Path:
+    """Return the file of a trial's folder, finished or not, or the file that is named itself.
+
+    Raises:
+        UsageError: there is none.
+    """
     candidates = [path / FILE_NAME, path / PART_NAME] if path.is_dir() else [path]
     for candidate in candidates:
         if candidate.is_file():
