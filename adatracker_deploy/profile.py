@@ -97,6 +97,16 @@ def load_profile(name_or_path: str, platform: type[Platform] | None = None) -> P
     )
 
 
+def load_limits(name_or_path: str) -> Limits:
+    """Read a profile's limits alone, without its robot's library.
+
+    Raises:
+        UsageError: as `load_profile`, but for what is in the robot's own sections.
+    """
+    path = _find(name_or_path, None)
+    return parse(_Document, _read(path), where=str(path)).limits
+
+
 def _find(name_or_path: str, platform: type[Platform] | None) -> Path:
     if "/" in name_or_path or name_or_path.endswith((".yaml", ".yml")):
         path = Path(name_or_path)

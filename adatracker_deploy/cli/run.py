@@ -10,6 +10,7 @@ import math
 import os
 import signal
 import time
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -56,6 +57,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=1.0,
         metavar="SHARE",
         help="of the profile's speeds, turning too: 0.25 for the first steps of a real robot (default: 1)",
+    )
+    how.add_argument(
+        "--ask",
+        action=argparse.BooleanOptionalAction,
+        help="after each trial ask how it ended, and before the next whether to begin (default: with several "
+        "trials on a real robot, in a terminal)",
     )
     how.add_argument(
         "--stop-fd",
@@ -113,8 +120,8 @@ def run(args: argparse.Namespace) -> int:
     console = Console(stderr=args.json)
     for line in salvage_all(args.log_dir):
         console.print(line, markup=False, soft_wrap=True)
-    with _stoppable(args, console):
-        summaries = _run_all(plans, console)
+    with _stoppable(args):
+        summaries = _run_all(plans, args, console)
     if any(summary["rate_hz"] for summary in summaries):
         console.print(stage_table(summaries))
     console.print(summary_table(summaries))
@@ -127,9 +134,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 @contextlib.contextmanager
-def _stoppable(args: argparse.Namespace, console: Console) -> Iterator[None]:
-    """Let the operator stop the trials: by signals, `adatracker-deploy stop`, Enter, or `--stop-fd`."""
-    from adatracker_deploy.runtime.operator_stop import heard
+def _stoppable(args: argparse.Namespace) -> Iterator[None]:
+    """Let the operator stop the trials by signals, and so by `adatracker-deploy stop`."""
     from adatracker_deploy.runtime.running import Announcement
 
     with contextlib.closing(Announcement(args.platform)) as announcement:
@@ -140,34 +146,55 @@ def _stoppable(args: argparse.Namespace, console: Console) -> Iterator[None]:
 
         before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
         try:
-            with heard(args.stop_fd) as enter:
-                if enter:
-                    console.print("Enter or Ctrl-C stops")
-                yield
+            yield
         finally:
             for number, handler in before.items():
                 signal.signal(number, handler)
 
 
-def _run_all(plans: list[TrialPlan], console: Console) -> list[dict[str, Any]]:
-    from adatracker_deploy.cli import STARTED_S
+def _run_all(plans: list[TrialPlan], args: argparse.Namespace, console: Console) -> list[dict[str, Any]]:
+    """Run the trials; Enter and `--stop-fd` stop one that runs, and nothing while the operator is asked."""
+    from adatracker_deploy.cli import STARTED_S, asking
     from adatracker_deploy.cli.progress import Progress
+    from adatracker_deploy.runtime.operator_stop import heard
     from adatracker_deploy.trial_run import run_trial
 
+    asks = _asks(args, plans)
     summaries: list[dict[str, Any]] = []
     started_s = STARTED_S
     for number, plan in enumerate(plans, start=1):
         if len(plans) > 1:
             console.rule(f"{plan.platform.name}, trial {number} of {len(plans)}")
-        summaries.append(run_trial(plan, Progress(console, plan.steps), started_s))
+        with heard(args.stop_fd) as enter:
+            if enter:
+                console.print("Enter or Ctrl-C stops")
+            summary = run_trial(plan, Progress(console, plan.steps), started_s)
+        last = number == len(plans)
+        may_follow = partial(_may_follow, plan)
+        go_on = not last and may_follow(summary["outcome"])
+        if asks:
+            summary, go_on = asking.mark(summary, console, may_follow if go_on else None)
+        summaries.append(summary)
         started_s = time.monotonic()
-        if summaries[-1]["outcome"] == "interrupted":
-            break
-        moved = not (plan.sitl or plan.dry_run)
-        if moved and summaries[-1]["outcome"] not in RESULTS and number < len(plans):
+        if not last and not may_follow(summary["outcome"]) and summary["outcome"] != "interrupted":
             console.print("no further trial: after a stop a real robot moves again only when it is told to")
+        if not go_on:
             break
     return summaries
+
+
+def _may_follow(plan: TrialPlan, outcome: str) -> bool:
+    """Tell whether there may be another trial after one that ended so."""
+    moves = not (plan.sitl or plan.dry_run)
+    return outcome in RESULTS or (not moves and outcome != "interrupted")
+
+
+def _asks(args: argparse.Namespace, plans: list[TrialPlan]) -> bool:
+    from adatracker_deploy.runtime.operator_stop import in_terminal
+
+    if args.ask is not None:
+        return bool(args.ask)
+    return len(plans) > 1 and not (args.sitl or args.dry_run) and in_terminal()
 
 
 def _plans(args: argparse.Namespace) -> list[TrialPlan]:

@@ -127,6 +127,10 @@ def _remark(row: Summary) -> None:
         _say(f"{row['trial']}: {row['bad_boxes']} boxes with NaN or a negative size, counted as lost")
     if row.get("complete") is False:
         _say(f"{row['trial']}: the log was cut short, scored up to its last whole record")
+    if row.get("recorded_outcome", row["outcome"]) != row["outcome"] and row["marks"]:
+        _say(
+            f"{row['trial']}: {row['outcome']} by the operator's mark, recorded as {row['recorded_outcome']}"
+        )
 
 
 def _say(line: str) -> None:

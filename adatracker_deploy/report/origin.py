@@ -41,6 +41,27 @@ def events_section(events: Sequence[Event]) -> Html:
     )
 
 
+def marks_section(trial: Trial) -> Html | None:
+    """List what the operator said of the trial; nothing where that is nothing."""
+    if not trial.marks:
+        return None
+    rows = [
+        (
+            mark.at[:19].replace("T", " "),
+            (mark.outcome or "a note").replace("_", " "),
+            "its end" if mark.since_s is None else f"{mark.since_s:.1f} s",
+            shortened(mark.note, LONGEST_TEXT),
+        )
+        for mark in trial.marks
+    ]
+    return section(
+        "The operator's marks",
+        table(("said at, UTC", "what", "as of", "in words"), rows),
+        tag("p", "The last outcome holds; good is the one that was recorded.", class_="faint"),
+        class_="long",
+    )
+
+
 def completeness(trial: Trial) -> Html:
     """Say what the log lacks: control goes first, so that a busy writer drops rather than delays."""
     gaps = list(_missing([step.step for step in trial.steps]))

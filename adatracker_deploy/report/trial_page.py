@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from adatracker_deploy.report.charts import clock
 from adatracker_deploy.report.markup import Html, tag
-from adatracker_deploy.report.origin import LONGEST_TEXT, completeness, events_section, origin
+from adatracker_deploy.report.origin import LONGEST_TEXT, completeness, events_section, marks_section, origin
 from adatracker_deploy.report.over_time import over_time
 from adatracker_deploy.report.page import badge, figure, page, picture, section, shortened, tiles
 
@@ -29,7 +29,7 @@ def trial_page(report: Report, moments: Sequence[Moment]) -> str:
         shown = [section("Over time", tag("p", "There is not a single step in this log."))]
     else:
         shown = over_time(report, report.columns)
-    last = [events_section(report.events), completeness(trial), origin(trial)]
+    last = [marks_section(trial), events_section(report.events), completeness(trial), origin(trial)]
     parts = [_heading(report), _figures(report), _moments(moments), *shown, *last]
     return page(f"{trial.platform} {trial.policy}: {report.summary['outcome']}", *parts)
 
@@ -42,6 +42,9 @@ def _heading(report: Report) -> Html:
     reason = (
         tag("p", shortened(summary["reason"], LONGEST_TEXT), class_="reason") if summary["reason"] else None
     )
+    if trial.marks and summary["outcome"] != summary["recorded_outcome"]:
+        said = f"By the operator's mark; recorded as {summary['recorded_outcome']}. {summary['reason']}"
+        reason = tag("p", shortened(said, LONGEST_TEXT), class_="reason")
     cut = None
     if not trial.complete:
         cut = tag("p", "This log was cut short; what follows is what it holds up to its last whole record.")

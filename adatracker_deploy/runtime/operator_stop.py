@@ -27,7 +27,7 @@ def heard(stop_fd: int | None) -> Iterator[bool]:
         UsageError: `stop_fd` is not open for reading.
     """
     watched = [] if stop_fd is None else [_readable(stop_fd)]
-    terminal = sys.stdin.fileno() if sys.stdin is not None and _in_terminal() else None
+    terminal = sys.stdin.fileno() if in_terminal() else None
     if terminal is not None:
         watched.append(terminal)
     if not watched:
@@ -53,8 +53,10 @@ def _readable(number: int) -> int:
     return number
 
 
-def _in_terminal() -> bool:
+def in_terminal() -> bool:
     """Tell whether somebody sits before this process: a job in the background must not read the terminal."""
+    if sys.stdin is None:
+        return False
     try:
         return sys.stdin.isatty() and os.tcgetpgrp(sys.stdin.fileno()) == os.getpgrp()
     except (OSError, ValueError):

@@ -13,6 +13,7 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, Literal, Self
 
+import cv2
 import yaml
 
 from adatracker_deploy import __version__
@@ -123,6 +124,7 @@ class TrialLog:
                 "python": machine.python_version(),
                 "machine": machine.platform(),
                 **{name: version(name) for name in ("mcap", "numpy", "onnxruntime")},
+                "opencv": cv2.__version__,  # it reduces masks to what networks see
             },
             "config": {"yaml": config_yaml},
         }

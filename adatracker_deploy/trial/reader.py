@@ -21,6 +21,7 @@ from mcap.writer import MCAP0_MAGIC
 
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.trial.folder import FILE_NAME, PART_NAME
+from adatracker_deploy.trial.marks import Mark, read_marks
 from adatracker_deploy.trial.mask_png import decode_mask
 from adatracker_deploy.trial.scan import whole_records
 from adatracker_deploy.trial.step_json import STEP_FORMAT, scored_step_from_json, step_from_json
@@ -54,6 +55,13 @@ class LoggedFrame(NamedTuple):
     mask: ClassMask
 
 
+class LoggedMask(NamedTuple):
+    """A frame's class mask alone, uint8 of the mask's own size."""
+
+    seq: int
+    mask: ClassMask
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrialAbout:
     """What a log says of its trial, apart from its ticks."""
@@ -74,6 +82,8 @@ class TrialAbout:
     """When and with which versions it was written."""
     frame_seqs: frozenset[int]
     """Of the frames that are in the log."""
+    marks: tuple[Mark, ...] = ()
+    """What the operator said of it, in the order of saying."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,6 +118,19 @@ class Trial(TrialAbout):
             with contextlib.suppress(DecodeError, ValueError, cv2.error):
                 yield _frame(record.sequence, jpeg, record.data)
 
+    def masks(self) -> Iterator[LoggedMask]:
+        """Read every frame's mask, in order, one at a time; a damaged one is left out.
+
+        Raises:
+            UsageError: the file cannot be read any more.
+        """
+        for topic, record in _records(self.path, lambda topic, _: topic == "/mask"):
+            if topic == "/mask":
+                with contextlib.suppress(DecodeError, ValueError):
+                    yield LoggedMask(
+                        record.sequence, decode_mask(CompressedImage.FromString(record.data).data)
+                    )
+
 
 def read_trial(path: Path) -> Trial:
     """Read a trial's folder, or its ``trial.mcap`` or ``trial.mcap.part``.
@@ -129,9 +152,26 @@ def read_scored(path: Path) -> ScoredTrial:
     return ScoredTrial(steps=steps, **about)
 
 
+def read_head(path: Path) -> tuple[Path, Mapping[str, str]]:
+    """Read only which file a trial is in, and what its log says of it at its very beginning.
+
+    Raises:
+        UsageError: as `read_trial`.
+    """
+    file = trial_file(path)
+    for _, record in _records(file, lambda *_: False):
+        if isinstance(record, Metadata) and record.name == "trial":
+            try:
+                _check_format(file, record.metadata)
+            except (KeyError, ValueError) as error:
+                raise UsageError(f"{file}: not a trial of this toolkit ({_one_line(error)})") from error
+            return file, record.metadata
+    raise UsageError(f"{file}: not a trial of this toolkit (it does not say what trial it is of)")
+
+
 def _read(path: Path, decode: Callable[[bytes], StepT]) -> tuple[dict[str, Any], tuple[StepT, ...]]:
     """Read what `TrialAbout` holds, and the ticks in order."""
-    file = _trial_file(path)
+    file = trial_file(path)
     metadata: dict[str, Mapping[str, str]] = {}
     steps: list[StepT] = []
     events: list[LoggedEvent] = []
@@ -164,6 +204,7 @@ def _read(path: Path, decode: Callable[[bytes], StepT]) -> tuple[dict[str, Any],
             "complete": complete,
             "about": trial,
             "frame_seqs": frozenset(frame_seqs),
+            "marks": read_marks(file),
         }
     except (KeyError, TypeError, ValueError, DecodeError, yaml.YAMLError) as error:
         raise UsageError(f"{file}: not a trial of this toolkit ({_one_line(error)})") from error
@@ -196,7 +237,12 @@ def find_trials(path: Path) -> list[Path]:
     return sorted(found)
 
 
-def _trial_file(path: Path) -> Path:
+def trial_file(path: Path) -> Path:
+    """Return the file of a trial's folder, finished or not, or the file that is named itself.
+
+    Raises:
+        UsageError: there is none.
+    """
     candidates = [path / FILE_NAME, path / PART_NAME] if path.is_dir() else [path]
     for candidate in candidates:
         if candidate.is_file():

@@ -94,6 +94,11 @@ class StepRecord:
     target: str | None = None
     """What is known of the target: tracked, coasting, reacquired or lost; absent where no lock keeps it."""
 
+    @property
+    def frame_t_ns(self) -> int:
+        """When this tick's frame was captured, ns of the run's clock: exact up to an age of 26 days."""
+        return self.t_ns - round(self.latency.observation_age_ms * 1e6)
+
 
 class ScoredStep(NamedTuple):
     """As much of a tick as scoring needs; the fields are `StepRecord`'s."""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from adatracker_deploy.stats.intervals import mean_estimate, mean_std, share_estimate
 from adatracker_deploy.stats.survival import kaplan_meier, median_duration
+from adatracker_deploy.trial.marks import holding, said
 from adatracker_deploy.trial.metrics import DEFAULT_RULES, Rules, score_boxes, score_steps
 from adatracker_deploy.trial.stages import percentiles, stage_times
 
@@ -74,18 +75,24 @@ def summarise_log(trial: Trial | ScoredTrial, rules: Rules = DEFAULT_RULES) -> S
     """Sum up a trial from its log alone, as the run itself did at its end.
 
     A log without the run's own summary is that of a run that died: outcome ``system_fault``. `episode` says
-    what a rehearsal was dealt; trials of equal episodes can be compared in pairs.
+    what a rehearsal was dealt; trials of equal episodes can be compared in pairs. An outcome that the
+    operator marked holds instead of `recorded_outcome`, and the trial ends when the mark says that it did.
     """
     ended: Mapping[str, Any] = trial.summary or {
         "outcome": "system_fault",
         "reason": "the log ends without a summary: the run was killed, or its disk ran full",
     }
+    outcome, reason, steps = ended["outcome"], ended.get("reason", ""), trial.steps
+    if held := holding(trial.marks):
+        outcome, mark = held
+        reason = mark.note or "marked by the operator"
+        steps = steps[: _ticks_until(steps, mark.since_s)]
     summary = summarise(
-        trial.steps,
+        steps,
         platform=trial.platform,
         policy=trial.policy,
-        outcome=ended["outcome"],
-        reason=ended.get("reason", ""),
+        outcome=outcome,
+        reason=reason,
         steps=trial.planned_steps,
         stop_s=ended.get("stop_s"),
         trial=trial.path.parent,
@@ -97,6 +104,8 @@ def summarise_log(trial: Trial | ScoredTrial, rules: Rules = DEFAULT_RULES) -> S
         "kind": trial.kind,
         "episode": dealt if trial.kind == "sitl" and dealt["seed"] is not None else None,
         "complete": trial.complete,
+        "recorded_outcome": ended["outcome"],
+        "marks": [said(mark) for mark in trial.marks],
     }
 
 
@@ -188,6 +197,13 @@ def by_method(summaries: Iterable[Summary]) -> dict[tuple[str | None, str | None
     for row in summaries:
         groups.setdefault((row["platform"], row["policy"]), []).append(row)
     return groups
+
+
+def _ticks_until(steps: Sequence[StepRecord | ScoredStep], since_s: float | None) -> int:
+    """Count the ticks of a trial's first `since_s` seconds; all of them for None."""
+    if since_s is None:
+        return len(steps)
+    return sum(step.t_ns <= steps[0].t_ns + since_s * 1e9 for step in steps)
 
 
 def _timing(records: Sequence[StepRecord | ScoredStep]) -> Summary:

@@ -1,6 +1,13 @@
 """A trial's MCAP file: the messages of `channels`, and about the trial itself the metadata records.
 
 The records are `trial`, `config` and, when the trial ended in order, `summary`.
+
+What a policy was shown and answered is there to the bit, so that `replay` can ask it again: masks are palette
+PNGs without loss; box, `action` and `context` (z) are float32 or float64 written as the shortest text that
+reads back the same; the frame's time is `t_ns` less `latency.observation_age_ms`; a tick with an empty
+`action` was too old to act on, and the policy was not asked; `config` has the seed of its reset and the
+SHA-256 of each file of its bundle; its last action is its own answer, not what the gate sent. The pictures
+are JPEG: what perception saw is not there to the bit, and no policy sees it.
 """
 
 from __future__ import annotations

@@ -1,0 +1,105 @@
+"""A policy over what was logged: the same observations in the same order, from the same reset.
+
+A policy is a function of its bundle, the seed of its reset, and the observations that it was shown; what it
+remembers, its own last action among it, follows from these. The log holds each exactly: masks without loss,
+numbers as text that reads back to the same bits. So the same bundle on the same machine answers the same to
+the bit. It is an open loop: another policy sees what the logged one's actions led to, not its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from adatracker_deploy.messages import Observation, TargetState
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from numpy.typing import NDArray
+
+    from adatracker_deploy.messages import ClassMask
+    from adatracker_deploy.policy.base import Policy
+    from adatracker_deploy.trial.reader import LoggedMask
+    from adatracker_deploy.trial.record import StepRecord
+
+Numbers = tuple[float, ...]
+"""float32 values, each held exactly."""
+_STATES = {state.value: state for state in TargetState}
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What a policy answers to one tick: its action and its context z, empty without an encoder."""
+
+    step: StepRecord
+    action: Numbers
+    context: Numbers
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """Where the log lacks what the policy was shown: what it remembers is not known from there on."""
+
+    step: int
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class Replayed:
+    """A policy's answers, up to the end of the log or its first gap."""
+
+    answers: tuple[Answer, ...]
+    idle: int
+    """Ticks, up to there, whose observation was too old: the policy was not asked."""
+    gap: Gap | None
+
+
+def answer_again(
+    steps: Iterable[StepRecord], masks: Iterator[LoggedMask], policy: Policy, seed: int
+) -> Replayed:
+    """Reset a policy and ask it what it was asked, tick by tick.
+
+    Args:
+        steps: of one trial, ordered; a trial begins with step 0.
+        masks: of the same trial, ordered by frame.
+        policy: asked in order; a tick without an action was not acted on, and is not asked.
+        seed: that the trial's reset was given.
+    """
+    policy.reset(seed)
+    answers: list[Answer] = []
+    idle = 0
+    newest: LoggedMask | None = None
+    for due, step in enumerate(steps):
+        if step.step != due:
+            return Replayed(tuple(answers), idle, Gap(due, "the log lacks this tick"))
+        if not step.action:
+            idle += 1
+            continue
+        while newest is None or newest.seq < step.frame_seq:
+            newest = next(masks, None)
+            if newest is None:
+                break
+        if newest is None or newest.seq != step.frame_seq:
+            return Replayed(tuple(answers), idle, Gap(due, "the log lacks the mask of this tick's frame"))
+        action = policy.act(_observation(step, newest.mask))
+        context = () if action.context is None else _numbers(action.context)
+        answers.append(Answer(step, _numbers(action.values), context))
+    return Replayed(tuple(answers), idle, None)
+
+
+def _observation(step: StepRecord, mask: ClassMask) -> Observation:
+    return Observation(
+        mask=mask,
+        box=step.box,
+        confidence=step.confidence,
+        t_ns=step.frame_t_ns,
+        seq=step.frame_seq,
+        target=_STATES.get(step.target or ""),
+    )
+
+
+def _numbers(values: NDArray[np.float32]) -> Numbers:
+    return tuple(map(float, values))

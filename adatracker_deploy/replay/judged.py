@@ -1,0 +1,110 @@
+"""Logged commands before the gate once more: under the trial's own limits, and under others.
+
+The commands stay what they were; only what the gate makes of them is worked out again. The link judges 50
+times a second, the log has what it judged as of each tick: commands, and what the robot said of itself. So
+the slots between two ticks are taken to lie at equal distances from the first, and the robot's state to last
+until the next. That is near what was sent, not equal to it: `agreement` says how near, by the trial's own
+limits. Where the robot was engaged is not logged; a fence is laid around where it was at the first tick.
+"""
+
+from __future__ import annotations
+
+import statistics
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+from adatracker_deploy.platform import ZERO, Limits, PlatformState, Twist
+from adatracker_deploy.runtime.gate import GateState, Reason, Setpoint, judge
+from adatracker_deploy.runtime.link import RATE_HZ
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from adatracker_deploy.trial.record import StepRecord
+
+SLOT_NS = round(1e9 / RATE_HZ)
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """What the gate made of one tick's command."""
+
+    step: int
+    sent: Twist
+    """In the last slot before the next tick."""
+    reasons: frozenset[Reason]
+    """Why it was changed, in any slot."""
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """What the gate made of a trial's commands, up to the tick at which it stopped the robot."""
+
+    ticks: tuple[Judged, ...]
+    stop: Reason | None
+    """Why it stopped for good, at the last of the ticks; None where it did not."""
+
+    def reasons(self) -> dict[Reason, list[int]]:
+        """Return the ticks at which each reason changed the command."""
+        found: dict[Reason, list[int]] = {}
+        for tick in self.ticks:
+            for reason in sorted(tick.reasons):
+                found.setdefault(reason, []).append(tick.step)
+        return found
+
+
+def without_gaps(steps: Sequence[StepRecord]) -> list[StepRecord]:
+    """Return the ticks up to the first that is missing: a gate that hears nothing would stop."""
+    end = next((place for place, (a, b) in enumerate(pairwise(steps), 1) if b.step != a.step + 1), len(steps))
+    return list(steps[:end])
+
+
+def judge_again(steps: Sequence[StepRecord], limits: Limits) -> Judgement:
+    """Judge the commands of consecutive ticks.
+
+    Args:
+        steps: ordered, without gaps.
+        limits: with their time-outs in the run's clock.
+    """
+    if not steps:
+        return Judgement((), None)
+    periods = [after.t_ns - before.t_ns for before, after in pairwise(steps)]
+    ends = [
+        *(step.t_ns for step in steps[1:]),
+        steps[-1].t_ns + round(statistics.median(periods or [SLOT_NS])),
+    ]
+    state = GateState(armed_ns=steps[0].t_ns - SLOT_NS)
+    ticks: list[Judged] = []
+    for step, end_ns in zip(steps, ends, strict=True):
+        share = step.box.area if step.box else None
+        setpoint, robot = Setpoint(step.command, step.t_ns, share), _robot(step)
+        sent = ZERO
+        reasons: set[Reason] = set()
+        for now_ns in range(step.t_ns, max(end_ns, step.t_ns + 1), SLOT_NS):
+            state, verdict = judge(limits, state, setpoint, robot, now_ns)
+            sent = verdict.twist
+            reasons.update(verdict.reasons)
+        ticks.append(Judged(step.step, sent, frozenset(reasons)))
+        if state.stop is not None:
+            return Judgement(tuple(ticks), state.stop.reason)
+    return Judgement(tuple(ticks), None)
+
+
+def logged_sent(steps: Sequence[StepRecord]) -> list[Twist]:
+    """Return what the log says was sent last before each tick but the first."""
+    return [step.sent for step in steps[1:]]
+
+
+def _robot(step: StepRecord) -> PlatformState:
+    """Return the robot's state as the link saw it: a tick that is logged had an engaged robot."""
+    heard = step.state_age_s < float("inf")
+    return PlatformState(
+        t_ns=step.t_ns - round(step.state_age_s * 1e9) if heard else 0,
+        mode=step.mode,
+        engaged=True,
+        landed=False,
+        pose=step.pose,
+        velocity=step.velocity,
+        battery=step.battery,
+    )

@@ -1,0 +1,235 @@
+"""A whole trial again: whose answers they are, whether they are the same, and what must be known of them."""
+
+from __future__ import annotations
+
+import platform as machine
+import statistics
+from dataclasses import dataclass
+from importlib.metadata import version
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import cv2
+
+from adatracker_deploy import __version__
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.limits import Limits
+from adatracker_deploy.policy.golden import GOLDEN_TOLERANCE
+from adatracker_deploy.replay.answers import Replayed, answer_again
+from adatracker_deploy.replay.compare import (
+    Difference,
+    Spread,
+    apart,
+    commands,
+    context_apart,
+    first_difference,
+)
+from adatracker_deploy.replay.judged import Judgement, judge_again, without_gaps
+from adatracker_deploy.runtime.link_process import wall_timeouts
+from adatracker_deploy.schema import parse
+
+if TYPE_CHECKING:
+    from adatracker_deploy.platform import Twist
+    from adatracker_deploy.policy.base import Policy
+    from adatracker_deploy.trial.reader import Trial
+
+_RATE_TOLERANCE = 0.1
+"""A busy robot misses some slots: rates that differ by less, relative to the policy's, are the same."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PolicyAgain:
+    """A policy's answers beside the logged ones."""
+
+    name: str
+    same: bool | None
+    """It is the one of the log, by the digests of its files; None where the log has none."""
+    replayed: Replayed
+    first: Difference | None
+    logged: tuple[Twist, ...]
+    """What the logged answers asked for, tick by tick of `replayed.answers`."""
+    asked: tuple[Twist, ...]
+    """What the replayed ones ask for, of the same robot."""
+    apart: dict[str, Spread]
+    """How far these two lie apart, by axis."""
+    context_apart: Spread | None
+    notes: tuple[str, ...]
+    """What a reader must know."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GateAgain:
+    """The gate's judgements of the logged commands under the trial's limits and under others."""
+
+    changed: dict[str, tuple[Any, Any]]
+    """Limits that differ, by name: (the trial's, the other)."""
+    before: Judgement
+    after: Judgement
+    apart: dict[str, Spread]
+    """How far what is sent lies apart, by axis, up to the sooner stop."""
+    agreement: dict[str, Spread]
+    """How far the judgement under the trial's own limits lies from what the log says was sent."""
+    notes: tuple[str, ...]
+
+
+def ask_again(trial: Trial, policy: Policy) -> PolicyAgain:
+    """Ask a policy what the trial's was asked.
+
+    Raises:
+        UsageError: the log has no tick that a policy was asked at, or says neither seed nor limits.
+    """
+    limits, seed = limits_of(trial), trial.config.get("seed")
+    if not isinstance(seed, int):
+        raise UsageError(f"{trial.path}: does not say the seed that its policy was reset with")
+    replayed = answer_again(trial.steps, trial.masks(), policy, seed)
+    answers = replayed.answers
+    if not answers:
+        why = f"tick {replayed.gap.step}: {replayed.gap.why}" if replayed.gap else "no tick was acted on"
+        raise UsageError(f"{trial.path}: there is nothing to replay ({why})")
+    logged = tuple(answer.step.command for answer in answers)
+    asked = tuple(commands(answers, policy.info.action, limits))
+    numbers = [answer.step.step for answer in answers]
+    first, same = first_difference(answers), _is_same(trial, policy)
+    return PolicyAgain(
+        name=policy.info.name,
+        same=same,
+        replayed=replayed,
+        first=first,
+        logged=logged,
+        asked=asked,
+        apart=apart(numbers, logged, asked),
+        context_apart=context_apart(answers),
+        notes=tuple(_notes(trial, policy, replayed, same, first)),
+    )
+
+
+def gate_again(trial: Trial, limits: Limits) -> GateAgain:
+    """Judge a trial's commands again, under its own limits and under others.
+
+    Raises:
+        UsageError: the log has no ticks, or does not say its limits.
+    """
+    before_limits = limits_of(trial)
+    speed = trial.config.get("speed", 1.0)
+    if not isinstance(speed, int | float) or not 1 <= speed <= 100:
+        raise UsageError(f"{trial.path}: says a speed of {speed!r}, which no run has")
+    steps = without_gaps(trial.steps)
+    if not steps:
+        raise UsageError(f"{trial.path}: there is no tick in it to judge")
+    before = judge_again(steps, wall_timeouts(before_limits, speed))
+    after = judge_again(steps, wall_timeouts(limits, speed))
+    both = list(zip(before.ticks, after.ticks, strict=False))
+    numbers = [tick.step for tick in before.ticks]
+    later = [step.sent for step in steps[1 : len(numbers) + 1]]
+    notes = []
+    if len(steps) < len(trial.steps):
+        notes.append(f"the log lacks tick {steps[-1].step + 1}: judged up to there")
+    if trial.steps[0].step != 0:
+        notes.append(
+            f"the log begins with tick {trial.steps[0].step}: judged as if it had stood still before"
+        )
+    return GateAgain(
+        changed={
+            name: (getattr(before_limits, name), getattr(limits, name))
+            for name in Limits.__dataclass_fields__
+            if getattr(before_limits, name) != getattr(limits, name)
+        },
+        before=before,
+        after=after,
+        apart=apart([a.step for a, _ in both], [a.sent for a, _ in both], [b.sent for _, b in both]),
+        agreement=apart(numbers[: len(later)], later, [tick.sent for tick in before.ticks[: len(later)]]),
+        notes=tuple(notes),
+    )
+
+
+def limits_of(trial: Trial) -> Limits:
+    """Return the limits that a trial was run with.
+
+    Raises:
+        UsageError: its log does not say them, or they are none.
+    """
+    profile = trial.config.get("profile")
+    limits = profile.get("limits") if isinstance(profile, dict) else None
+    if limits is None:
+        raise UsageError(f"{trial.path}: does not say the robot's limits, by which actions become commands")
+    return parse(Limits, limits, where=f"{trial.path}: limits")
+
+
+def _is_same(trial: Trial, policy: Policy) -> bool | None:
+    """Compare digests; a policy without files is the one of its name."""
+    logged = trial.config.get("policy_sha256")
+    if not isinstance(logged, dict):
+        return None
+    return trial.policy == policy.info.name and logged == dict(policy.info.sha256)
+
+
+def _notes(
+    trial: Trial, policy: Policy, replayed: Replayed, same: bool | None, first: Difference | None
+) -> list[str]:
+    notes = []
+    if same is None:
+        notes.append("the log does not say which bundle it was: whether this is the same is not known")
+    elif not same:
+        notes.append(_other(trial, policy))
+        notes.append(
+            "an open loop: it is shown what the logged policy's actions led to, not what its own would have"
+        )
+        rate_hz = _rate_hz(trial)
+        if rate_hz and abs(rate_hz - policy.info.rate_hz) > _RATE_TOLERANCE * policy.info.rate_hz:
+            notes.append(
+                f"it is made for {policy.info.rate_hz:g} Hz and was asked at the log's {rate_hz:.1f} Hz"
+            )
+    if replayed.gap is not None:
+        notes.append(
+            f"tick {replayed.gap.step}: {replayed.gap.why}; from there on what the policy remembers is not "
+            "known, and nothing can be compared"
+        )
+    if not trial.complete:
+        notes.append("the log was cut short: replayed up to its last whole record")
+    if first is not None and same is not False:
+        notes += _elsewhere(trial)
+        notes.append(
+            "other processors and versions round differently: of golden vectors, differences of up to "
+            f"{GOLDEN_TOLERANCE:g} are let pass"
+        )
+    return notes
+
+
+def _other(trial: Trial, policy: Policy) -> str:
+    """Say how the given policy is another than the logged one."""
+    if trial.policy != policy.info.name:
+        return f"another policy: the log is of {trial.policy}, this is {policy.info.name}"
+    logged, given = trial.config["policy_sha256"], dict(policy.info.sha256)
+    files = sorted(name for name in {*logged, *given} if logged.get(name) != given.get(name))
+    told = ", ".join(
+        f"{name} {_short(logged.get(name))} in the log, {_short(given.get(name))} here" for name in files
+    )
+    return f"another bundle of that name, by SHA-256: {told}"
+
+
+def _short(digest: object) -> str:
+    return f"{str(digest)[:12]}..." if digest else "missing"
+
+
+def _elsewhere(trial: Trial) -> list[str]:
+    """Say what was another when the trial ran, of what its numbers depend on."""
+    here = {
+        "adatracker-deploy": __version__,
+        "machine": machine.platform(),
+        "opencv": cv2.__version__,
+        **{name: version(name) for name in ("numpy", "onnxruntime")},
+    }
+    return [
+        f"{name} was {trial.about[name]} then, is {now} now"
+        for name, now in here.items()
+        if name in trial.about and trial.about[name] != now
+    ]
+
+
+def _rate_hz(trial: Trial) -> float | None:
+    """Return the rate of the trial's ticks, None of a single one."""
+    periods = [
+        (after.t_ns - before.t_ns) / (after.step - before.step) for before, after in pairwise(trial.steps)
+    ]
+    median_ns = statistics.median(periods) if periods else 0
+    return 1e9 / median_ns if median_ns > 0 else None
