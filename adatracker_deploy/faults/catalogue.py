@@ -38,7 +38,7 @@ OURS = (
     Fault("interrupt", "Ctrl-C (SIGINT)"),
     Fault("terminate", "SIGTERM"),
     Fault("cpu_hogs", "four processes take all the processor that they can get", 3.0),
-    Fault("gc_pause", "a full garbage collection of about 0.1 s in the tracker"),
+    Fault("gc_pause", "the tracker's interpreter stands still for 0.1 s, as in a full collection"),
     Fault("disk_full", "the log's file cannot grow any more"),
 )
 """What happens to the toolkit's own processes, whatever the robot."""
