@@ -1,24 +1,28 @@
 """A simulated far end as a process: started by a `Sitl`, ready by one line, ended by the end of its stdin.
 
 `FarEndProcess` is the side that starts it; `add_arguments`, `far_end_clock`, `lifeline` and `announce` are
-what the started module's ``main`` is made of. Started by hand, the same module runs until Ctrl-C.
+what the started module's ``main`` is made of. Started by hand, the same module runs until Ctrl-C. What goes
+over stdin until it ends are `Orders`: which faults begin and end, and where the robot's witness writes.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.faults.witness import Witness
 from adatracker_deploy.runtime.clock import MonotonicClock
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from adatracker_deploy.runtime.clock import Clock
 
@@ -80,12 +84,20 @@ class FarEndProcess:
         ready: dict[str, Any] = json.loads(line)["ready"]
         return ready
 
+    def order(self, line: str) -> None:
+        """Give it an order, as `Orders` reads them; a process that is gone is not told."""
+        if self._process is not None and self._process.stdin is not None:
+            with contextlib.suppress(OSError):
+                self._process.stdin.write(f"{line}\n")
+                self._process.stdin.flush()
+
     def close(self) -> None:
         """End the lifeline and wait until the robot has come to rest; may be called twice."""
         process, self._process = self._process, None
         if process is None or process.stdin is None or process.stdout is None:
             return
-        process.stdin.close()
+        with contextlib.suppress(OSError):  # an order that could not be given is still in its buffer
+            process.stdin.close()
         try:
             process.wait(self._stop_timeout_s)
         except subprocess.TimeoutExpired:
@@ -109,12 +121,45 @@ def far_end_clock(args: argparse.Namespace) -> MonotonicClock:
     return MonotonicClock(args.speed, args.epoch_ns)
 
 
-def lifeline(args: argparse.Namespace) -> threading.Event:
-    """Return an event that is set when the far end should come to rest and end."""
+class Orders:
+    """What whoever started a far end has ordered it to suffer, and to write down."""
+
+    def __init__(self) -> None:
+        self.faults: frozenset[str] = frozenset()
+        """The names of the faults that are on."""
+        self.witness = Witness()
+        self._listeners: list[Callable[[frozenset[str]], None]] = []
+
+    def listen(self, listener: Callable[[frozenset[str]], None]) -> None:
+        """Have `listener` called, in the orders' thread, with the faults that are on whenever they change."""
+        self._listeners.append(listener)
+
+    def obey(self, line: str) -> None:
+        """Take one order: ``begin FAULT``, ``end FAULT`` or ``witness FILE``; others mean nothing."""
+        order, _, what = line.strip().partition(" ")
+        match order:
+            case "begin":
+                self.faults |= {what}
+            case "end":
+                self.faults -= {what}
+            case "witness":
+                with contextlib.suppress(OSError):  # it is not the robot's business
+                    self.witness = Witness(Path(what))
+                return
+            case _:
+                return
+        for listener in self._listeners:
+            listener(self.faults)
+
+
+def lifeline(args: argparse.Namespace, orders: Orders | None = None) -> threading.Event:
+    """Return an event that is set when the far end should come to rest and end; `orders` hear of stdin."""
     ended = threading.Event()
 
     def outlive_stdin() -> None:
-        sys.stdin.read()
+        for line in sys.stdin:
+            if orders is not None:
+                orders.obey(line)
         ended.set()
 
     if args.lifeline:

@@ -39,6 +39,9 @@ class Limits:
     """From the first motion after engaging, speed limits grow from zero to their full size for so long."""
     command_timeout_s: Annotated[float, Range(0.02, 2)] = 0.2
     """A command older than this is replaced by zero."""
+    sight_timeout_s: Annotated[float, Range(0.1, 2)] = 0.27
+    """A command made from what was seen longer ago than this is replaced by zero: with a slot of the link's,
+    the last motion is on the wire within 0.3 s of the last frame, whatever the policy's rate."""
     hold_after_s: Annotated[float, Range(0.02, 10)] = 0.5
     """A command older than this latches a stop: the robot holds."""
     disengage_after_s: Annotated[float, Range(0.02, 60)] = 1.5

@@ -13,6 +13,7 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.faults.catalogue import Fault
 from adatracker_deploy.geometry import Pose
 from adatracker_deploy.limits import Limits
 from adatracker_deploy.schema import Range
@@ -172,6 +173,9 @@ class Scenario:
 class Sitl(abc.ABC):
     """The simulated far end of a robot's wire, in a process of its own."""
 
+    faults: ClassVar[tuple[Fault, ...]] = ()
+    """What can be made to go wrong with it, by `order`."""
+
     @abc.abstractmethod
     def start(self, clock: Clock, scenario: Scenario) -> Profile:
         """Start the far end; return the profile whose connection, and camera if it has one, reach it.
@@ -184,6 +188,9 @@ class Sitl(abc.ABC):
     @abc.abstractmethod
     def close(self) -> None:
         """End the far end, letting its robot come to rest first (a drone lands). May be called twice."""
+
+    def order(self, line: str) -> None:  # noqa: B027 -- for those whose far end can be made to fail
+        """Pass an order on to the running far end: ``begin`` or ``end`` one of `faults`, ``witness FILE``."""
 
     def __enter__(self) -> Self:
         return self

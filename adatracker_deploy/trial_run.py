@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from adatracker_deploy.dry_run import DryRun
 from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.faults.injection import Injection
 from adatracker_deploy.perception.camera import ROBOT, FilmOverError, scene_of, without_password
 from adatracker_deploy.perception.pipeline import Perception, Seen, refuse_hung
 from adatracker_deploy.perception.sources import open_source
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
+    from adatracker_deploy.faults.schedule import Strike
     from adatracker_deploy.geometry import Pose
     from adatracker_deploy.perception.camera import Camera
     from adatracker_deploy.perception.segmenter import Segmenter
@@ -79,6 +81,8 @@ class TrialPlan:
     """Of the loop's thread and of the link."""
     live_port: int | None = None
     """Where the live view listens, on this machine alone; None for none."""
+    faults: tuple[Strike, ...] = ()
+    """What shall go wrong in a rehearsal, and when."""
 
 
 class Progress(Protocol):
@@ -118,6 +122,8 @@ class _Trial:
         self.clock = MonotonicClock(speed=plan.speed)
         self.records = ScoredSteps()
         self.errors: list[str] = []
+        self.injection: Injection | None = None
+        """Of faults, where any were asked for."""
 
     def run(self) -> dict[str, Any]:
         plan = self.plan
@@ -125,7 +131,10 @@ class _Trial:
         refuse_hung(plan.segmenter)
         if plan.sitl:
             self.progress.phase(f"starting the simulated {plan.platform.name}")
-            profile = self.stack.enter_context(plan.platform.sitl(profile)).start(self.clock, plan.scenario)
+            far_end = self.stack.enter_context(plan.platform.sitl(profile))
+            profile = far_end.start(self.clock, plan.scenario)
+            if plan.faults:
+                plan = self._injected(Injection(plan.faults, far_end, self.clock))
         robot = DryRun if plan.dry_run else plan.platform
         self.link = self.stack.enter_context(LinkProcess(robot, profile, self.clock, plan.scheduling))
         camera = self._open_camera(profile)
@@ -145,6 +154,8 @@ class _Trial:
             self.progress.phase(f"live view: {websocket_url(plan.live_port)}, or {app_url(plan.live_port)}")
         if self.log.trouble:
             raise PlatformError(f"the trial cannot be logged: {self.log.trouble}")
+        if self.injection is not None:
+            self.injection.attend(self.log, self.link)
         for name in profile.limits.switched_off:
             self._warn(f"the gate goes without {name}: profile {profile.name} has it in limits: switched_off")
         try:
@@ -158,11 +169,23 @@ class _Trial:
         with _uninterrupted():
             return self._finish(ending)
 
+    def _injected(self, injection: Injection) -> TrialPlan:
+        """Return the plan with parts that can go wrong."""
+        self.injection = injection
+        self.stack.callback(injection.close)
+        self.plan = replace(
+            self.plan,
+            segmenter=injection.segmenter(self.plan.segmenter),
+            policy=injection.policy(self.plan.policy),
+        )
+        return self.plan
+
     def _open_camera(self, profile: Profile) -> Camera:
         """Open the camera and see that its frames can be used, before anything moves."""
         uri = self.plan.camera or profile.camera.uri
-        if scene_of(uri) is not None:
-            return self._virtual_camera(profile)
+        self.drawn = scene_of(uri) is not None
+        if self.drawn:
+            return self._faulty(self._virtual_camera(profile))
         profile = replace(profile, camera=replace(profile.camera, uri=uri))
         if uri.startswith(ROBOT):
             camera = self.plan.platform.camera(profile, self.clock)
@@ -178,7 +201,10 @@ class _Trial:
                     f"camera {without_password(uri)}: gives pictures alone, and this segmenter is for the "
                     "cameras of rehearsals, which know what they show: try --segmenter embedded"
                 )
-        return camera
+        return self._faulty(camera)
+
+    def _faulty(self, camera: Camera) -> Camera:
+        return camera if self.injection is None else self.injection.camera(camera)
 
     def _virtual_camera(self, profile: Profile) -> WorldCamera:
         from adatracker_deploy.world import World  # needs the sitl extra
@@ -203,8 +229,7 @@ class _Trial:
     def _engage_and_follow(self, camera: Camera, profile: Profile) -> Ending:
         plan = self.plan
         self._engage()
-        drawn = isinstance(camera, WorldCamera)
-        rate_hz = profile.camera.rate_hz if drawn else LOOK_HZ * self.clock.speed
+        rate_hz = profile.camera.rate_hz if self.drawn else LOOK_HZ * self.clock.speed
         plan.segmenter.reset()
         perception = self.stack.enter_context(Perception(camera, plan.segmenter, self.clock, rate_hz))
         self.progress.phase(f"looking for the person, for {FIRST_SIGHT_TIMEOUT_S:g} s at most")
@@ -261,6 +286,8 @@ class _Trial:
                 raise PlatformError(f"no person was seen within {FIRST_SIGHT_TIMEOUT_S:g} s")
 
     def _write(self, record: StepRecord, seen: Seen) -> None:
+        if self.injection is not None:
+            self.injection.follow()
         self.records.append(record)
         self.log.step(record, seen.frame, seen.observation)
         self._log_events()
@@ -289,11 +316,15 @@ class _Trial:
         stop_s = None
         try:
             stop_s = self._stand_still(ending.outcome)
+            if self.injection is not None:
+                self.injection.outlast()  # held, with everything in place: what is mended resumes nothing
             self.progress.phase("disengaging")
             self._disengage(ending.outcome)
         except PlatformError as error:
             self.progress.phase(f"warning: {error}")
             self.log.event("error", str(error), self.clock.now_ns())
+        if self.injection is not None:
+            self.injection.close()
         self._log_events()
         if self.errors and ending.outcome == "completed":
             ending = Ending("system_fault", self.errors[-1])  # a drone that did not land is no success
@@ -359,6 +390,7 @@ class _Trial:
             **asdict(plan.scenario),
             "camera": shown,
             "segmenter": plan.segmenter_name,
+            "faults": [f"{strike.fault.name}@{strike.at_s:g}" for strike in plan.faults],
             "speed": plan.speed,
             "realtime": plan.scheduling.realtime,
             "cpus": sorted(plan.scheduling.cpus),

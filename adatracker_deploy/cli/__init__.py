@@ -61,6 +61,7 @@ def _parser(*, with_commands: bool) -> argparse.ArgumentParser:
         compare,
         doctor,
         evaluate,
+        faults,
         film,
         filmstrip,
         lists,
@@ -88,6 +89,7 @@ def _parser(*, with_commands: bool) -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", parser_class=_Parser)
     order = (
         doctor,
+        faults,
         stop,
         view,
         trials,

@@ -24,7 +24,9 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
+    from adatracker_deploy.faults.schedule import Strike
     from adatracker_deploy.perception.segmenter import Segmenter
+    from adatracker_deploy.platform import Platform
     from adatracker_deploy.profile import Profile
     from adatracker_deploy.runtime.scheduling import Scheduling
     from adatracker_deploy.trial_run import TrialPlan
@@ -77,6 +79,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="real-time priority (SCHED_FIFO) for the loop and the link, which the system must allow",
     )
     how.add_argument("--cpu", metavar="LIST", help="cores for the loop and the link: 2, or 0,2-3")
+    how.add_argument(
+        "--fault",
+        action="append",
+        default=[],
+        metavar="NAME@S,...",
+        help="with --sitl: make this go wrong so many seconds after the first followed tick (docs/safety.md)",
+    )
     view = parser.add_argument_group("what it sees")
     view.add_argument(
         "--camera",
@@ -232,6 +241,7 @@ def _plan(args: argparse.Namespace, name: str) -> TrialPlan:
         raise UsageError("--speed is for rehearsals: a real robot cannot be sped up; add --sitl")
     platform = load_platform(name)
     profile = load_profile(args.profile or platform.default_profile, platform)
+    faults = _faults(args, platform, profile) if args.fault else ()
     if args.speed_cap < 1:
         profile = dataclasses.replace(profile, limits=profile.limits.capped(args.speed_cap))
     uri = args.camera or profile.camera.uri
@@ -265,6 +275,7 @@ def _plan(args: argparse.Namespace, name: str) -> TrialPlan:
         speed=args.speed or 1.0,
         log_dir=args.log_dir,
         scheduling=scheduling,
+        faults=faults,
     )
 
 
@@ -275,6 +286,19 @@ def _scheduling(args: argparse.Namespace) -> Scheduling:
     scheduling = Scheduling(args.realtime, cpus)
     scheduling.check()
     return scheduling
+
+
+def _faults(args: argparse.Namespace, platform: type[Platform], profile: Profile) -> tuple[Strike, ...]:
+    from adatracker_deploy.faults.catalogue import known_faults
+    from adatracker_deploy.faults.schedule import parse_schedule
+
+    if not args.sitl:
+        raise UsageError("--fault is for rehearsals: nothing is made to fail on a real robot; add --sitl")
+    if args.speed is not None and args.speed != 1:
+        raise UsageError("--fault counts in the machine's seconds: drop --speed")
+    if args.camera:
+        raise UsageError("--fault is for the simulated robot with its own camera: drop --camera")
+    return parse_schedule(args.fault, known_faults(platform.sitl(profile).faults))
 
 
 def _segmenter(

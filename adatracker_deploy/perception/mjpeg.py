@@ -40,6 +40,7 @@ class MjpegCamera(LiveCamera):
         super().__init__(without_password(url), clock)
         self._url = urlsplit(url)
         self._socket: socket.socket | None = None
+        self._number: str | None = None
         self.dropped = 0
         """Parts of the stream that were no whole picture."""
 
@@ -101,6 +102,9 @@ class MjpegCamera(LiveCamera):
                 newest, t_ns = parts[-1], self.clock.now_ns()
             if newest is None or _waits(wire):
                 continue
+            if self._repeats(newest):
+                newest = None
+                continue
             try:
                 picture = decode_part(newest, t_ns)
             except ValueError:
@@ -108,6 +112,16 @@ class MjpegCamera(LiveCamera):
             else:
                 yield picture
             newest = None
+
+    def _repeats(self, part: Part) -> bool:
+        """Tell whether a rehearsal's camera shows the picture of this number again: then it has frozen.
+
+        Others may number as they like; theirs are compared bit by bit, which in a rehearsal, where everybody
+        may stand as still as a picture, would prove nothing.
+        """
+        number = part.headers.get("x-sequence") if "x-truth" in part.headers else None
+        last, self._number = self._number, number
+        return number is not None and number == last
 
     def _boundary(self, response: http.client.HTTPResponse) -> str:
         if response.status == HTTPStatus.UNAUTHORIZED:

@@ -61,7 +61,8 @@ class Policy(Protocol):
 def to_twist(values: NDArray[np.float32], spec: ActionSpec, limits: Limits) -> Twist:
     """Turn an action into a velocity: each number times the robot's limit on its axis.
 
-    Numbers beyond [-1, 1] are clipped; NaN stays NaN, so that the gate sees and refuses it.
+    Numbers beyond [-1, 1] are clipped; what is not finite stays so, for the gate to see and refuse: an
+    infinite action is no wish for full speed.
     """
     scale = {
         "forward": limits.forward_m_s,
@@ -70,7 +71,9 @@ def to_twist(values: NDArray[np.float32], spec: ActionSpec, limits: Limits) -> T
         "yaw": limits.yaw_rate_rad_s,
     }
     named = {
-        entry.axis: float(np.clip(value, -1.0, 1.0)) * entry.sign * scale[entry.axis]
+        entry.axis: (float(np.clip(value, -1.0, 1.0)) if np.isfinite(value) else np.nan)
+        * entry.sign
+        * scale[entry.axis]
         for entry, value in zip(spec, values, strict=True)
     }
     return Twist(

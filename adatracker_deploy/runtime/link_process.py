@@ -107,9 +107,11 @@ class LinkProcess:
         """Ask for engaging; `status().phase` tells when it is done."""
         self._ask("engage", "")
 
-    def send(self, twist: Twist, now_ns: int, target_share: float | None = None) -> None:
+    def send(
+        self, twist: Twist, now_ns: int, target_share: float | None = None, seen_ns: int | None = None
+    ) -> None:
         """Publish a set-point; never blocks."""
-        self._setpoints.write(pack_setpoint(Setpoint(twist, now_ns, target_share)))
+        self._setpoints.write(pack_setpoint(Setpoint(twist, now_ns, target_share, seen_ns)))
 
     def hold(self, reason: str) -> None:
         """Ask for a latched stop."""
@@ -227,6 +229,7 @@ def wall_timeouts(limits: Limits, speed: float) -> Limits:
     return dataclasses.replace(
         limits,
         command_timeout_s=limits.command_timeout_s * speed,
+        sight_timeout_s=limits.sight_timeout_s * speed,
         hold_after_s=limits.hold_after_s * speed,
         disengage_after_s=limits.disengage_after_s * speed,
         state_timeout_s=limits.state_timeout_s * speed,

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 STALE_OBSERVATION_S = 0.22
 """An older observation is not acted on: zero is sent, and the step counts as lost. Machine time.
 
-The next tick and a slot of the link's come on top: zero is on the wire within 0.29 s of the last frame with
-a policy at 20 Hz, within 0.34 s with one at 10 Hz. A segmenter that takes 0.1 s can still be followed."""
+The robot then brakes as smoothly as it drives, until the gate, which knows when the frame was taken, makes
+it zero at once (`Limits.sight_timeout_s`). A segmenter that takes 0.1 s can still be followed."""
 MISSED_IN_A_ROW = 3
 """So many slots missed in a row end the trial, at any rate of the policy; counted in machine time.
 
@@ -38,8 +38,10 @@ BLIND_S = 2.0
 class Commands(Protocol):
     """The loop's side of a link."""
 
-    def send(self, twist: Twist, now_ns: int, target_share: float | None = None) -> None:
-        """Publish a set-point, with the share of the image that the target covers; never blocks."""
+    def send(
+        self, twist: Twist, now_ns: int, target_share: float | None = None, seen_ns: int | None = None
+    ) -> None:
+        """Publish a set-point, with the share of the image that the target covers and when it was seen."""
 
     def status(self) -> LinkStatus | None:
         """Return what the link did last."""
@@ -89,7 +91,7 @@ class Loop:
             action, infer_ms = self._act(tick, seen)
             command = to_twist(action.values, self.policy.info.action, self.limits) if action else ZERO
             box = seen.observation.box if action else None
-            self.link.send(command, tick.t_ns, box.area if box else None)
+            self.link.send(command, tick.t_ns, box.area if box else None, seen.frame.t_ns)
             handed_ns = self.clock.now_ns()
             latency = _latency(tick, seen, infer_ms, handed_ns, trace.arrived(status.acted))
             trace.hand_over(tick.t_ns, seen.frame.t_ns, handed_ns)

@@ -13,6 +13,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import common as mavlink
 
+from adatracker_deploy.platform import Twist
 from adatracker_drone import services
 from adatracker_drone.body import Power
 from adatracker_drone.commander import FORCE, Commander
@@ -116,6 +117,10 @@ class Autopilot:
         self._tell(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
         self._tell(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE)
         return self.transmit()
+
+    def drain(self, charge: float) -> None:
+        """Leave no more than so much in the battery, 0 to 1."""
+        self.commander.battery = min(self.commander.battery, charge)
 
     def receive(self, message: Message) -> None:
         """Take in one decoded message; what is for another vehicle, or not understood, is ignored."""
@@ -234,6 +239,13 @@ class Autopilot:
         if set_point.asks:
             self._set_point = set_point
             self.commander.heard_set_point(self._now_s)
+
+
+def velocity_of(message: Message) -> Twist | None:
+    """Return the velocity in the body frame that a set-point asks for; None for any other message."""
+    if message.get_type() != "SET_POSITION_TARGET_LOCAL_NED" or not _FRAMES.get(message.coordinate_frame):
+        return None
+    return Twist(message.vx, -message.vy, -message.vz, -message.yaw_rate)
 
 
 def _whole(value: float) -> int:

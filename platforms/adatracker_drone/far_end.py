@@ -11,10 +11,12 @@ import time
 
 from pymavlink.dialects.v20 import common as mavlink
 
+from adatracker_deploy.far_end import Orders
+from adatracker_deploy.faults.catalogue import BATTERY_LOW, LINK_DROP, ROBOT_SILENT
 from adatracker_deploy.geometry import Pose
 from adatracker_deploy.platform import Twist
 from adatracker_deploy.runtime.clock import Clock
-from adatracker_drone.autopilot import COMPONENT, SYSTEM, Autopilot
+from adatracker_drone.autopilot import COMPONENT, SYSTEM, Autopilot, velocity_of
 from adatracker_drone.body import STEP_S, DroneBody
 from adatracker_drone.settings import SitlSettings
 from adatracker_drone.telemetry import Message
@@ -25,6 +27,7 @@ LONGEST_LAG_S = 0.25
 """A process that was kept from running for longer skips the time instead of rushing through it."""
 LINGER_S = 60.0
 """After its lifeline has ended the vehicle has so long, in machine time, to come to rest."""
+_LOW_BATTERY = 0.05
 _MOST_DATAGRAMS = 200
 """Read at one look: a flood must not keep the vehicle from being flown."""
 
@@ -62,7 +65,12 @@ class FarEnd:
     """One vehicle, standing on the ground with its power on, and its links."""
 
     def __init__(
-        self, settings: SitlSettings, seed: int, speed: float, addresses: list[tuple[str, int]]
+        self,
+        settings: SitlSettings,
+        seed: int,
+        speed: float,
+        addresses: list[tuple[str, int]],
+        orders: Orders | None = None,
     ) -> None:
         """Switch it on.
 
@@ -71,6 +79,8 @@ class FarEnd:
             seed: of its wind and its estimation errors.
             speed: times real time; see `Autopilot`.
             addresses: where each link sends.
+            orders: what shall go wrong while it runs, and who is told of it. All links but the first, which
+                are for ground stations, stay whole.
 
         Raises:
             UsageError: a PX4 parameter in the settings does not exist or is out of range.
@@ -79,6 +89,7 @@ class FarEnd:
         self._body = DroneBody(settings)
         self._body.reset(Pose(yaw=math.radians(settings.yaw_deg)), seed)
         self._wires = [Wire(address) for address in addresses]
+        self._orders = orders or Orders()
         self._ticks = 0
 
     def serve(self, clock: Clock, lifeline_ended: threading.Event) -> None:
@@ -95,24 +106,34 @@ class FarEnd:
                 give_up_s = min(give_up_s, time.monotonic() + LINGER_S)
                 if self._autopilot.at_rest or time.monotonic() > give_up_s:
                     self._send(self._autopilot.farewell())
+                    self._orders.witness.off()
                     return
             deadline_ns = max(deadline_ns + batch_ns, clock.now_ns())
             self._wait((deadline_ns - clock.now_ns()) / 1e9 / clock.speed)
 
     def _advance(self, until_s: float) -> None:
         """Hear, fly and tell, up to a time since power-on."""
+        if BATTERY_LOW.name in self._orders.faults:
+            self._autopilot.drain(_LOW_BATTERY)
         for wire in self._wires:
+            cut = wire is self._wires[0] and LINK_DROP.name in self._orders.faults
             for message in wire.receive():
-                self._autopilot.receive(message)
+                if (told := velocity_of(message)) is not None:
+                    self._orders.witness.command(told)  # also one that is sent in vain
+                if not cut:
+                    self._autopilot.receive(message)
         while (self._ticks + 1) * STEP_S <= until_s:
             self._ticks += 1
             demand = self._autopilot.step(self._body.motion, self._ticks * STEP_S)
             self._body.power = self._autopilot.power()
             self._body.step(Twist(demand.forward, -demand.right, -demand.down, -demand.yaw_rate), STEP_S)
             self._send(self._autopilot.transmit())
+        velocity = self._body.velocity
+        self._orders.witness.speed(math.hypot(velocity.vx, velocity.vy))
 
     def _send(self, messages: list[Message]) -> None:
-        for wire in self._wires:
+        mute = self._orders.faults & {LINK_DROP.name, ROBOT_SILENT.name}
+        for wire in self._wires[1:] if mute else self._wires:
             wire.send(messages)
 
     def _wait(self, timeout_s: float) -> None:

@@ -23,12 +23,14 @@ from typing import TYPE_CHECKING
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.far_end import (
     FarEndProcess,
+    Orders,
     add_arguments,
     announce,
     far_end_clock,
     lifeline,
     refuse,
 )
+from adatracker_deploy.faults.catalogue import BATTERY_LOW, LINK_DROP, ROBOT_SILENT
 from adatracker_deploy.platform import Scenario, Sitl
 from adatracker_deploy.schema import parse
 from adatracker_drone.protocol import check_url
@@ -47,6 +49,8 @@ _GCS = re.compile(r"udpout:([0-9.]+):(\d+)")
 
 class DroneSitl(Sitl):
     """Starts the far end behind a profile's ``udpin://`` URL; port 0 there means any free one."""
+
+    faults = (LINK_DROP, ROBOT_SILENT, BATTERY_LOW)  # its camera is drawn in the tracker, and freezes there
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
@@ -75,6 +79,10 @@ class DroneSitl(Sitl):
         Nothing takes command here: a vehicle still in the air lands by its link or by its own fail-safe.
         """
         self._process.close()
+
+    def order(self, line: str) -> None:
+        """Pass an order on to the far end."""
+        self._process.order(line)
 
 
 def _free_address(url: str) -> tuple[str, int]:
@@ -108,21 +116,24 @@ def main(argv: list[str] | None = None) -> int:
     try:
         settings = parse(SitlSettings, json.loads(args.settings), where="settings")
         gcs = _gcs_address(args.gcs or settings.gcs)
-        far_end = _power_on(settings, args.seed, args.speed, [("127.0.0.1", args.port), *gcs])
+        orders = Orders()
+        far_end = _power_on(settings, args, [("127.0.0.1", args.port), *gcs], orders)
     except (UsageError, json.JSONDecodeError) as error:
         return refuse(error)
-    lifeline_ended = lifeline(args)
+    lifeline_ended = lifeline(args, orders)
     announce(port=args.port, gcs=gcs)
     with contextlib.suppress(KeyboardInterrupt):
         far_end.serve(far_end_clock(args), lifeline_ended)
     return 0
 
 
-def _power_on(settings: SitlSettings, seed: int, speed: float, addresses: list[tuple[str, int]]) -> FarEnd:
+def _power_on(
+    settings: SitlSettings, args: argparse.Namespace, addresses: list[tuple[str, int]], orders: Orders
+) -> FarEnd:
     _require_libraries()
     from adatracker_drone.far_end import FarEnd
 
-    return FarEnd(settings, seed, speed, addresses)
+    return FarEnd(settings, args.seed, args.speed, addresses, orders)
 
 
 def _require_libraries() -> None:

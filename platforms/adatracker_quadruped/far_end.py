@@ -12,6 +12,8 @@ import cv2
 import zenoh
 
 from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.far_end import Orders
+from adatracker_deploy.faults.catalogue import CAMERA_GONE, LINK_DROP
 from adatracker_deploy.perception.compressed_image import CompressedImage
 from adatracker_deploy.platform import ZERO
 from adatracker_deploy.runtime.clock import MonotonicClock
@@ -27,7 +29,7 @@ from adatracker_quadruped.outlet import Outlet
 from adatracker_quadruped.senses import Senses
 from adatracker_quadruped.session import zenoh_config
 from adatracker_quadruped.settings import SitlSettings
-from adatracker_quadruped.sitl_keys import Fault, SitlKeys, encode_stamped_truth
+from adatracker_quadruped.sitl_keys import ORDERED, Fault, SitlKeys, encode_stamped_truth
 
 if TYPE_CHECKING:
     from adatracker_deploy.messages import Frame
@@ -58,34 +60,29 @@ class Robot:
 class FarEnd:
     """One robot, standing, that anybody who reaches its endpoint can walk.
 
+    Args:
+        robot: what it is.
+        scenario: the world that it stands in.
+        clock: the run's.
+        orders: what shall go wrong while it runs, and who is told of it.
+
     Raises:
         PlatformError: it cannot listen at its endpoint.
         UsageError: there is no such scene.
     """
 
-    def __init__(self, robot: Robot, scenario: Scenario, clock: Clock) -> None:
-        connection, self._clock = robot.connection, clock
+    def __init__(self, robot: Robot, scenario: Scenario, clock: Clock, orders: Orders | None = None) -> None:
+        self._robot, self._clock = robot, clock
+        self._orders = orders or Orders()
+        connection = robot.connection
         self._command_timeout_s = connection.command_timeout_s
         self._camera_hz = robot.camera_hz
         self._body = QuadrupedBody(robot.sitl)
         self._rehearsal = Rehearsal(scenario, self._body, math.radians(robot.sitl.camera.fov_deg))
-        try:
-            self._session = zenoh.open(zenoh_config(connection, mode="router"))
-        except zenoh.ZError as error:
-            raise PlatformError(
-                f"cannot listen at {connection.endpoint}: is another rehearsal or router running there?"
-            ) from error
-        keys, sitl_keys = Keys(connection), SitlKeys(connection)
-        latest = zenoh.handlers.RingChannel
-        self._commands = self._session.declare_subscriber(keys.command, latest(1))
-        self._goes = self._session.declare_subscriber(sitl_keys.go, latest(1))
-        self._faults = self._session.declare_subscriber(sitl_keys.fault, latest(1))
-        live = self._session.liveliness()
-        self._hosts = live.declare_subscriber(connection.host_token, latest(64), history=True)
-        self._tokens = [live.declare_token(key) for key in (sitl_keys.alive, _token(connection)) if key]
-        self._senses = Senses(self._session, connection, robot.sitl)
-        self._images = Outlet(self._session, keys.camera, attaches=keys.attaches)
-        self._truths = Outlet(self._session, sitl_keys.truth, attaches=False)
+        self._wire: _Wire | None = _Wire(robot)
+        """None while it is cut."""
+        self._using = threading.Lock()
+        """Held by whoever publishes or cuts: Zenoh's sessions must not be closed meanwhile."""
         self._intake = Intake(connection)
         self._command, self._obeyed_s = ZERO, -math.inf
         self._fault = Fault.NONE
@@ -101,7 +98,7 @@ class FarEnd:
         finally:
             filming_ended.set()
             filming.join()
-            self._session.close()
+            self._mend(cut=True)
 
     def _walk(self, lifeline_ended: threading.Event) -> None:
         give_up_s, deaf_until_s = math.inf, 0.0
@@ -113,48 +110,102 @@ class FarEnd:
             if now_s - looked_s > STALE_S:
                 deaf_until_s = now_s + DEAF_S
             looked_s = now_s
+            self._mend(cut=LINK_DROP.name in self._orders.faults)
             self._listen(now_s, deaf=now_s < deaf_until_s)
             if lifeline_ended.is_set():
                 self._command = ZERO
                 give_up_s = min(give_up_s, now_s + LINGER_S)
                 if self._body.velocity == ZERO or now_s > give_up_s:
+                    self._orders.witness.off()
                     return
             passed_s = min((now_ns - last_ns) / 1e9, LONGEST_LAG_S * self._clock.speed)
             last_ns = now_ns
             self._rehearsal.step(self._command, passed_s)
-            self._senses.tell(self._body, self._fault, now_ns, time.time_ns())
+            self._orders.witness.speed(math.hypot(self._body.velocity.vx, self._body.velocity.vy))
+            if self._wire is not None:
+                self._wire.senses.tell(self._body, self._faults, now_ns, time.time_ns())
+
+    def _mend(self, *, cut: bool) -> None:
+        """Take the robot from its wire, router and all, or put it there again; nothing if it is so."""
+        with self._using:
+            if cut and self._wire is not None:
+                self._wire.session.close()
+                self._wire = None
+            elif not cut and self._wire is None:
+                self._wire = _Wire(self._robot)
 
     def _listen(self, now_s: float, *, deaf: bool) -> None:
         """Take what has come in, the newest command alone; and stop when there is reason to."""
-        if self._goes.try_recv() is not None:
-            self._rehearsal.go()
-        if (wanted := self._faults.try_recv()) is not None:
-            self._fault = _fault(bytes(wanted.payload)) or self._fault
-        sample = self._commands.try_recv()
-        if sample is not None and not deaf:
-            attached = bytes(sample.attachment) if sample.attachment is not None else None
-            command = self._intake.take(bytes(sample.payload), attached, time.time_ns())
-            if command is not None:
-                self._command, self._obeyed_s = command, now_s
-        host_left = False
-        while (change := self._hosts.try_recv()) is not None:
-            host_left = change.kind == zenoh.SampleKind.DELETE
+        host_left, wire = False, self._wire
+        if wire is not None:
+            if wire.goes.try_recv() is not None:
+                self._rehearsal.go()
+            if (wanted := wire.faults.try_recv()) is not None:
+                self._fault = _fault(bytes(wanted.payload)) or self._fault
+            sample = wire.commands.try_recv()
+            if sample is not None and not deaf:
+                self._obey(sample, now_s)
+            while (change := wire.hosts.try_recv()) is not None:
+                host_left = change.kind == zenoh.SampleKind.DELETE
         if host_left or deaf or now_s - self._obeyed_s > self._command_timeout_s:
             self._command = ZERO
 
+    def _obey(self, sample: zenoh.Sample, now_s: float) -> None:
+        attached = bytes(sample.attachment) if sample.attachment is not None else None
+        command = self._intake.take(bytes(sample.payload), attached, time.time_ns())
+        if command is not None:
+            self._orders.witness.command(command)
+            self._command, self._obeyed_s = command, now_s
+
+    @property
+    def _faults(self) -> frozenset[Fault]:
+        """What is wrong with it now, by whichever way it was asked for."""
+        return frozenset({self._fault, *(ORDERED[name] for name in self._orders.faults & ORDERED.keys())})
+
     def _publish(self, frame: Frame) -> None:
         """Send an image and, before it and in the same way, its truth; from the camera's thread."""
-        if self._fault is Fault.SILENT or frame.truth is None:
+        faults = self._faults
+        if Fault.SILENT in faults or CAMERA_GONE.name in self._orders.faults or frame.truth is None:
             return
-        if self._fault is not Fault.FROZEN_CAMERA or self._said is None:
+        if Fault.FROZEN_CAMERA not in faults or self._said is None:
             stamp_ns = time.time_ns()
             _, jpeg = cv2.imencode(".jpg", frame.rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
             image = CompressedImage(stamp_ns, "jpeg", memoryview(jpeg.tobytes()))
             truth = encode_stamped_truth(stamp_ns, frame.truth)
             self._said = (encode_compressed_image(image), truth, stamp_ns)
         payload, truth, stamp_ns = self._said
-        self._truths.put(truth, stamp_ns)
-        self._images.put(payload, stamp_ns)
+        with self._using:
+            if self._wire is not None:
+                self._wire.truths.put(truth, stamp_ns)
+                self._wire.images.put(payload, stamp_ns)
+
+
+class _Wire:
+    """The robot's session, which is the router too, and all that it hears and tells there.
+
+    Raises:
+        PlatformError: it cannot listen at its endpoint.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        connection = robot.connection
+        try:
+            self.session = zenoh.open(zenoh_config(connection, mode="router"))
+        except zenoh.ZError as error:
+            raise PlatformError(
+                f"cannot listen at {connection.endpoint}: is another rehearsal or router running there?"
+            ) from error
+        session, keys, sitl_keys = self.session, Keys(connection), SitlKeys(connection)
+        latest = zenoh.handlers.RingChannel
+        self.commands = session.declare_subscriber(keys.command, latest(1))
+        self.goes = session.declare_subscriber(sitl_keys.go, latest(1))
+        self.faults = session.declare_subscriber(sitl_keys.fault, latest(1))
+        live = session.liveliness()
+        self.hosts = live.declare_subscriber(connection.host_token, latest(64), history=True)
+        self._tokens = [live.declare_token(key) for key in (sitl_keys.alive, _token(connection)) if key]
+        self.senses = Senses(session, connection, robot.sitl)
+        self.images = Outlet(session, keys.camera, attaches=keys.attaches)
+        self.truths = Outlet(session, sitl_keys.truth, attaches=False)
 
 
 def _token(connection: Connection) -> str:

@@ -36,31 +36,31 @@ class Senses:
         self._said = b""
         """The newest odometry."""
 
-    def tell(self, body: QuadrupedBody, fault: Fault, now_ns: int, unix_ns: int) -> None:
+    def tell(self, body: QuadrupedBody, faults: frozenset[Fault], now_ns: int, unix_ns: int) -> None:
         """Publish each topic whose period has passed.
 
         Args:
             body: as it is now.
-            fault: what is wrong with it.
+            faults: what is wrong with it.
             now_ns: by the run's clock, in which the rates are.
             unix_ns: the stamp, since 1970.
         """
-        if fault is Fault.SILENT:
+        if Fault.SILENT in faults:
             return
         if self._odometry.due(now_ns):
-            if fault is not Fault.FROZEN_ODOMETRY:
+            if Fault.FROZEN_ODOMETRY not in faults:
                 self._said = encode_odometry(Odometry(body.pose, body.velocity, unix_ns))
             self._odometry.put(self._said, unix_ns)
         if self._imu.due(now_ns):
-            self._imu.put(encode_imu(_inertia(body, fault, unix_ns)), unix_ns)
+            self._imu.put(encode_imu(_inertia(body, faults, unix_ns)), unix_ns)
         if self._battery.due(now_ns):
-            charge = _LOW if fault is Fault.LOW_BATTERY else self._settings.battery
+            charge = _LOW if Fault.LOW_BATTERY in faults else self._settings.battery
             self._battery.put(encode_battery(charge, unix_ns), unix_ns)
 
 
-def _inertia(body: QuadrupedBody, fault: Fault, unix_ns: int) -> Imu:
+def _inertia(body: QuadrupedBody, faults: frozenset[Fault], unix_ns: int) -> Imu:
     trunk = body.trunk
-    if fault is Fault.TIPPED_OVER:
+    if Fault.TIPPED_OVER in faults:
         trunk = replace(trunk, roll=_TIPPED_ROLL)
     ax, ay, az = (float(g) for g in trunk.rotation()[2] * _GRAVITY_M_S2)
     return Imu(

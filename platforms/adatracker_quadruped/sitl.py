@@ -4,7 +4,8 @@
 
     python -m adatracker_quadruped.sitl --profile go2 --listen tcp/127.0.0.1:7447
 
-Then anything can go wrong on demand, by a word on the key ``sitl/fault`` (`sitl_keys.Fault`).
+Then anything can go wrong on demand, by a word on the key ``sitl/fault`` (`sitl_keys.Fault`), or by an
+order on stdin (`far_end.Orders`).
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from typing import TYPE_CHECKING
 from adatracker_deploy.errors import PlatformError, UsageError
 from adatracker_deploy.far_end import (
     FarEndProcess,
+    Orders,
     add_arguments,
     announce,
     far_end_clock,
@@ -33,6 +35,7 @@ from adatracker_deploy.platform import Scenario, Sitl
 from adatracker_deploy.profile import load_profile
 from adatracker_deploy.schema import parse
 from adatracker_quadruped.camera_topic import with_camera
+from adatracker_quadruped.sitl_keys import ON_DEMAND
 
 if TYPE_CHECKING:
     from adatracker_deploy.profile import Profile
@@ -47,6 +50,8 @@ _FAILED = 1
 
 class QuadrupedSitl(Sitl):
     """Starts the far end at a free port of this machine, whatever robot the profile's endpoint names."""
+
+    faults = ON_DEMAND
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
@@ -85,6 +90,10 @@ class QuadrupedSitl(Sitl):
         """End the lifeline and wait: the process ends once the robot stands."""
         self._process.close()
 
+    def order(self, line: str) -> None:
+        """Pass an order on to the far end."""
+        self._process.order(line)
+
 
 def _with_robots_camera(profile: Profile) -> Profile:
     """Return the profile with the camera on the robot's own wire, whichever the profile names."""
@@ -109,14 +118,14 @@ def main(argv: list[str] | None = None) -> int:
     """Run the far end until it is told to end; return the exit status."""
     args = _arguments().parse_args(argv)
     try:
-        robot = _robot(args)
-        far_end = _power_on(robot, args)
+        orders, robot = Orders(), _robot(args)
+        far_end = _power_on(robot, args, orders)
     except (UsageError, json.JSONDecodeError) as error:
         return refuse(error)
     except PlatformError as error:
         refuse(error)
         return _FAILED
-    lifeline_ended = lifeline(args)
+    lifeline_ended = lifeline(args, orders)
     announce(endpoint=robot.connection.endpoint)
     with contextlib.suppress(KeyboardInterrupt):
         far_end.serve(lifeline_ended)
@@ -136,11 +145,11 @@ def _robot(args: argparse.Namespace) -> Robot:
     return Robot(connection=connection, sitl=profile.sitl, camera_hz=profile.camera.rate_hz)
 
 
-def _power_on(robot: Robot, args: argparse.Namespace) -> FarEnd:
+def _power_on(robot: Robot, args: argparse.Namespace, orders: Orders) -> FarEnd:
     from adatracker_quadruped.far_end import FarEnd
 
     scenario = Scenario(scene=args.scene, target_speed_m_s=args.target_speed, seed=args.seed)
-    return FarEnd(robot, scenario, far_end_clock(args))
+    return FarEnd(robot, scenario, far_end_clock(args), orders)
 
 
 def _require_mujoco() -> None:

@@ -12,6 +12,7 @@ import enum
 import struct
 from typing import TYPE_CHECKING
 
+from adatracker_deploy.faults import catalogue
 from adatracker_deploy.perception.truth_wire import decode_truth, encode_truth
 
 if TYPE_CHECKING:
@@ -34,6 +35,25 @@ class Fault(enum.StrEnum):
     """Its camera repeats the last image, stamp and all."""
     LOW_BATTERY = "low_battery"
     TIPPED_OVER = "tipped_over"
+
+
+ORDERED: dict[str, Fault] = {
+    catalogue.ROBOT_SILENT.name: Fault.SILENT,
+    catalogue.CAMERA_FREEZE.name: Fault.FROZEN_CAMERA,
+    catalogue.BATTERY_LOW.name: Fault.LOW_BATTERY,
+    "frozen_odometry": Fault.FROZEN_ODOMETRY,
+    "tipped_over": Fault.TIPPED_OVER,
+}
+"""The same by the names that ``--fault`` takes."""
+ON_DEMAND = (
+    catalogue.CAMERA_FREEZE,
+    catalogue.CAMERA_GONE,
+    catalogue.LINK_DROP,
+    catalogue.ROBOT_SILENT,
+    catalogue.BATTERY_LOW,
+    catalogue.Fault("frozen_odometry", "the odometry repeats the last measurement, stamp and all", 2.0),
+)
+"""All that a rehearsal may ask for; a robot that tips over is refused by the preflight alone."""
 
 
 class SitlKeys:

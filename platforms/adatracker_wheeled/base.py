@@ -80,20 +80,22 @@ class Base:
         self._battery = _Stream(self._codec.battery_frames, roles.timing.battery_period_s)
         self._obey_remote()
 
-    def receive(self, frame: CanFrame, now_s: float) -> None:
-        """Take in one frame; what is malformed, or for somebody else, changes nothing."""
+    def receive(self, frame: CanFrame, now_s: float) -> Twist | None:
+        """Take in one frame; what is malformed, or for somebody else, changes nothing.
+
+        Returns:
+            The velocity that it asks for, obeyed or not; None if it asks for none.
+        """
         if (injected := parse_injection(frame)) is not None:
-            fault, begins = injected
-            (self.faults.add if begins else self.faults.discard)(fault)
-            self._obey_remote()
-            return
+            self.suffer(*injected)
+            return None
         try:
             demand = self._codec.parse_command(frame)
         except Malformed:
             self.malformed += 1
-            return
+            return None
         if demand is None:
-            return
+            return None
         if demand.disable:
             self._enter("standby")
         if demand.enable or (demand.twist is not None and not self._roles.enable):
@@ -102,6 +104,12 @@ class Base:
             self._braked = False
         if demand.twist is not None and self.mode == "ours":
             self._command, self._expires_s = demand.twist, now_s + self._timeout_s
+        return demand.twist
+
+    def suffer(self, fault: FaultName, begins: bool) -> None:
+        """Let something begin, or end, to be wrong."""
+        (self.faults.add if begins else self.faults.discard)(fault)
+        self._obey_remote()
 
     def demand(self, now_s: float) -> Twist:
         """Return the velocity that the motors are asked for; zero whenever anything is wrong."""

@@ -8,9 +8,11 @@ import time
 from collections import deque
 from typing import TYPE_CHECKING
 
+from adatracker_deploy.far_end import Orders
 from adatracker_deploy.world.rehearsal import Rehearsal
 from adatracker_wheeled.base import Base
 from adatracker_wheeled.body import WheeledBody
+from adatracker_wheeled.injection import FAULT_NAMES
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -43,6 +45,7 @@ class FarEnd:
         settings: of the simulated base.
         scenario: the world, and the seed of all that is random.
         clock: the run's.
+        orders: what shall go wrong while it runs, and who is told of it.
 
     Raises:
         UsageError: the roles do not fit the DBC, or there is no such scene.
@@ -54,7 +57,11 @@ class FarEnd:
         settings: SitlSettings,
         scenario: Scenario,
         clock: Clock,
+        orders: Orders | None = None,
     ) -> None:
+        self._orders = orders or Orders()
+        self._suffered: frozenset[str] = frozenset()
+        """The orders' faults, as the base has heard of them."""
         self.base = Base(roles, settings, clock.speed)
         self.body = WheeledBody(settings, roles)
         fov_rad = math.radians(settings.camera.fov_deg)
@@ -88,16 +95,29 @@ class FarEnd:
             if ended.is_set():
                 give_up_s = min(give_up_s, time.monotonic() + LINGER_S)
                 if self._at_rest or time.monotonic() > give_up_s:
+                    self._orders.witness.off()
                     return
 
     def _advance(self, now_s: float, elapsed_s: float) -> tuple[CanFrame, ...]:
         """Hear, move and tell."""
+        self._suffer()
         while self._unread:
-            self.base.receive(self._unread.popleft(), now_s)
+            asked = self.base.receive(self._unread.popleft(), now_s)
+            if asked is not None:
+                self._orders.witness.command(asked)
         steps = math.ceil(elapsed_s / STEP_S)
         for _ in range(steps):
             self.rehearsal.step(self.base.demand(now_s), elapsed_s / steps)
+        self._orders.witness.speed(abs(self.body.velocity.vx))
         return self.base.transmit(self.body.measured, self.body.wheels_m, now_s)
+
+    def _suffer(self) -> None:
+        """Let the base suffer what was ordered of it since."""
+        ordered = self._orders.faults
+        for name in ordered ^ self._suffered:
+            if name in FAULT_NAMES:
+                self.base.suffer(FAULT_NAMES[name], name in ordered)
+        self._suffered = ordered
 
     @property
     def _at_rest(self) -> bool:

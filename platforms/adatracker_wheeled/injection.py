@@ -1,14 +1,22 @@
-"""Faults of the simulated base, as frames on its bus.
+"""Faults of the simulated base: as frames on its bus, and by the names that ``--fault`` takes.
 
-They use the 29-bit id 0x1ADAFA17, which no base that this package knows does: AgileX's and ODrive's ids have
-11 bits. The adapter never sends it. By hand, on the simulation's bus: ``cansend vcan0 1ADAFA17#0101`` begins
-a takeover by remote control, ``1ADAFA17#0100`` ends it.
+The frames use the 29-bit id 0x1ADAFA17, which no base that this package knows does: AgileX's and ODrive's
+ids have 11 bits. The adapter never sends it. By hand, on the simulation's bus: ``cansend vcan0
+1ADAFA17#0101`` begins a takeover by remote control, ``1ADAFA17#0100`` ends it.
 """
 
 from __future__ import annotations
 
 from typing import get_args
 
+from adatracker_deploy.faults.catalogue import (
+    BATTERY_LOW,
+    CAMERA_FREEZE,
+    CAMERA_GONE,
+    LINK_DROP,
+    ROBOT_SILENT,
+    Fault,
+)
 from adatracker_wheeled.protocol import CanFrame
 from adatracker_wheeled.settings import FaultName
 
@@ -25,6 +33,26 @@ FAULTS: dict[FaultName, int] = {
 }
 """The first data byte of each; the second is 1 to begin and 0 to end it."""
 assert set(FAULTS) == set(get_args(FaultName))
+
+FAULT_NAMES: dict[str, FaultName] = {
+    ROBOT_SILENT.name: "silence",
+    BATTERY_LOW.name: "low_battery",
+    "remote_control": "remote",
+    "emergency_stop": "emergency_stop",
+    "base_fault": "fault",
+    "frozen_feedback": "frozen_feedback",
+    "frozen_state": "frozen_state",
+}
+"""What the base itself suffers when a rehearsal asks for it."""
+ON_DEMAND = (
+    *(CAMERA_FREEZE, CAMERA_GONE, LINK_DROP, ROBOT_SILENT, BATTERY_LOW),
+    Fault("remote_control", "somebody drives with the remote control", 2.0),
+    Fault("emergency_stop", "the emergency stop is pressed, and let go", 2.0),
+    Fault("base_fault", "the base reports an error", 2.0),
+    Fault("frozen_feedback", "the measured motion is not told any more", 2.0),
+    Fault("frozen_state", "the same state is told again and again", 2.0),
+)
+"""All that a rehearsal may ask for; the camera and the bus are `sitl`'s."""
 
 
 def injection(fault: FaultName, *, begin: bool) -> CanFrame:

@@ -5,7 +5,8 @@
     python -m adatracker_wheeled.sitl --profile scout --port 28700
     python -m adatracker_wheeled.sitl --profile scout --interface socketcan --channel vcan0
 
-`injection` tells how to make things go wrong while it runs; any browser shows its camera.
+`injection` tells how to make things go wrong while it runs, on the bus or by an order on stdin
+(`far_end.Orders`); any browser shows its camera.
 """
 
 from __future__ import annotations
@@ -21,16 +22,19 @@ from typing import TYPE_CHECKING
 from adatracker_deploy.errors import PlatformError, UsageError
 from adatracker_deploy.far_end import (
     FarEndProcess,
+    Orders,
     add_arguments,
     announce,
     far_end_clock,
     lifeline,
     refuse,
 )
+from adatracker_deploy.faults.catalogue import LINK_DROP
 from adatracker_deploy.platform import Scenario, Sitl
 from adatracker_deploy.profile import load_profile
 from adatracker_deploy.schema import parse
 from adatracker_wheeled.connection import Connection
+from adatracker_wheeled.injection import ON_DEMAND
 from adatracker_wheeled.settings import SitlSettings
 
 if TYPE_CHECKING:
@@ -49,6 +53,8 @@ CHANNEL = "can0"
 
 class WheeledSitl(Sitl):
     """Starts the far end on free ports."""
+
+    faults = ON_DEMAND
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
@@ -88,6 +94,10 @@ class WheeledSitl(Sitl):
         """End the lifeline and wait until the base stands: by its link's stop, or by its own time-out."""
         self._process.close()
 
+    def order(self, line: str) -> None:
+        """Pass an order on to the far end."""
+        self._process.order(line)
+
 
 def main(argv: list[str] | None = None) -> int:
     """Run the far end until it is told to end; return the exit status."""
@@ -100,23 +110,24 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _run(args: argparse.Namespace) -> int:
-    from adatracker_deploy.perception.mjpeg_server import MjpegServer
     from adatracker_deploy.world.rehearsal import film
+    from adatracker_wheeled.failing_camera import FailingCamera
     from adatracker_wheeled.far_end import FarEnd
 
     _check_ports(args)
     connection, settings, rate_hz = _described(args)
     clock = far_end_clock(args)
     scenario = Scenario(scene=args.scene, target_speed_m_s=args.target_speed, seed=args.seed)
-    ended = lifeline(args)
+    orders = Orders()
+    ended = lifeline(args, orders)
     with contextlib.ExitStack() as stack:
-        far_end = FarEnd(connection.roles, settings, scenario, clock)
-        send, port = _bus(args, connection, far_end, stack)
-        server = MjpegServer(args.camera_port)
-        stack.callback(server.close)
-        server.on_go(far_end.rehearsal.go)
-        film(far_end.rehearsal, clock, rate_hz, server.publish, ended)
-        announce(port=port, camera=server.url)
+        far_end = FarEnd(connection.roles, settings, scenario, clock, orders)
+        send, port = _bus(args, connection, far_end, orders, stack)
+        camera = FailingCamera(args.camera_port, far_end.rehearsal.go)
+        stack.callback(camera.close)
+        orders.listen(camera.suffer)
+        film(far_end.rehearsal, clock, rate_hz, camera.publish, ended)
+        announce(port=port, camera=camera.url)
         stack.enter_context(contextlib.suppress(KeyboardInterrupt))
         far_end.serve(send, ended)
     return 0
@@ -143,7 +154,11 @@ def _described(args: argparse.Namespace) -> tuple[Connection, SitlSettings, floa
 
 
 def _bus(
-    args: argparse.Namespace, connection: Connection, far_end: FarEnd, stack: contextlib.ExitStack
+    args: argparse.Namespace,
+    connection: Connection,
+    far_end: FarEnd,
+    orders: Orders,
+    stack: contextlib.ExitStack,
 ) -> tuple[Callable[[CanFrame], object], int]:
     """Return how the base puts frames on its bus, and the TCP port of that bus, if it has one."""
     if args.interface:
@@ -160,6 +175,7 @@ def _bus(
     except OSError as error:
         raise UsageError(f"TCP port {args.port}: {error.strerror}; give another with --port") from error
     stack.callback(server.close)
+    orders.listen(lambda faults: server.cut(LINK_DROP.name in faults))
     return server.send, server.port
 
 

@@ -126,7 +126,7 @@ class SocketcandServer:
         self._lock = threading.Lock()
         self._selector = selectors.DefaultSelector()
         self._selector.register(self._listener, selectors.EVENT_READ)
-        self._closed = False
+        self._closed = self._cut = False
         self._thread = threading.Thread(target=self._serve, name="socketcand", daemon=True)
         self._thread.start()
 
@@ -137,6 +137,13 @@ class SocketcandServer:
             for client in [client for client in self._clients if client.raw and client is not sender]:
                 client.unsent += line
                 self._flush(client)
+
+    def cut(self, is_cut: bool) -> None:
+        """Hang up on everybody and let nobody in, as a pulled plug does; or let them in again."""
+        with self._lock:
+            self._cut = is_cut
+            for client in list(self._clients) if is_cut else ():
+                self._drop(client)
 
     def close(self) -> None:
         """Hang up on everybody; may be called twice."""
@@ -159,7 +166,7 @@ class SocketcandServer:
     def _accept(self) -> None:
         with contextlib.suppress(OSError), self._lock:
             connection, _ = self._listener.accept()
-            if len(self._clients) >= MOST_CLIENTS:
+            if self._cut or len(self._clients) >= MOST_CLIENTS:
                 connection.close()
                 return
             connection.setblocking(False)

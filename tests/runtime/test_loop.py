@@ -46,6 +46,7 @@ class Rehearsal:
     commands: list[Twist] = field(default_factory=list)
     sent_ns: list[int] = field(default_factory=list)
     shares: list[float | None] = field(default_factory=list)
+    sight_ages_s: list[float] = field(default_factory=list)
     records: list = field(default_factory=list)
     asked: int = 0
     info: PolicyInfo = INFO
@@ -68,10 +69,11 @@ class Rehearsal:
 
     def reset(self, seed=0): ...
 
-    def send(self, twist, now_ns, target_share=None):
+    def send(self, twist, now_ns, target_share=None, seen_ns=None):
         self.commands.append(twist)
         self.sent_ns.append(now_ns)
         self.shares.append(target_share)
+        self.sight_ages_s.append((now_ns - seen_ns) / 1e9)
 
     def status(self):
         return self.status_now
@@ -119,6 +121,7 @@ def test_a_stale_observation_is_not_acted_on_and_counts_as_lost():
     assert [record.box for record in rehearsal.records[9:13]] == [BOX, None, None, BOX]
     assert rehearsal.shares[9:13] == [pytest.approx(0.12), None, None, pytest.approx(0.12)]
     assert rehearsal.asked == STEPS + 1 - 2
+    assert rehearsal.sight_ages_s[9:13] == pytest.approx([0.02, 0.23, 0.23, 0.02])  # which the gate is told
 
 
 @pytest.mark.parametrize(

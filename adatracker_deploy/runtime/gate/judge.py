@@ -49,11 +49,20 @@ def judge(
     if stop is not None:
         still = replace(state, last=ZERO, rate=ZERO, stop=stop)
         return still, Verdict(ZERO, stop.stage, (stop.reason,), warned)
-    if age_s > limits.command_timeout_s:
+    if late := _too_old(limits, setpoint, age_s, now_ns):
         still = replace(state, last=ZERO, rate=ZERO)
-        return still, Verdict(ZERO, Stage.ZERO, (Reason.STALE,), warned)
+        return still, Verdict(ZERO, Stage.ZERO, (late,), warned)
     if state.moving_ns is None and setpoint.twist != ZERO:
         state = replace(state, moving_ns=now_ns)
     dt_s = min((now_ns - before_ns) / 1e9, LONGEST_STEP_S)
     state, reasons = move(limits, state, setpoint.twist, robot, dt_s)
     return state, Verdict(state.last, Stage.OBEY, reasons, warned)
+
+
+def _too_old(limits: Limits, setpoint: Setpoint, age_s: float, now_ns: int) -> Reason | None:
+    """Say what is too old to be obeyed: the command, or what was seen when it was made."""
+    if age_s > limits.command_timeout_s:
+        return Reason.STALE
+    if setpoint.seen_ns is not None and (now_ns - setpoint.seen_ns) / 1e9 > limits.sight_timeout_s:
+        return Reason.BLIND
+    return None

@@ -20,6 +20,8 @@ class Reason(enum.StrEnum):
     JERK = "jerk"
     STALE = "stale"
     """The command is too old: zero, until a fresh one comes."""
+    BLIND = "blind"
+    """What the command was made from was seen too long ago: zero, until a newer frame comes."""
 
     COMMAND_LOST = "command_lost"
     """No fresh command for so long that a stop latched."""

@@ -30,6 +30,8 @@ class Setpoint:
     t_ns: int
     target_share: float | None = None
     """The share of the image that the target's box covers, 0 to 1; None while it is not seen."""
+    seen_ns: int | None = None
+    """When the frame was taken that it was made from; None for a command that nothing seen has led to."""
 
 
 @dataclass(frozen=True, slots=True)

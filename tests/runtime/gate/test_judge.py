@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 from gate_rig import START_NS, STEP_S, WELL, Gate
@@ -37,6 +38,18 @@ def test_an_ageing_command_is_replaced_by_zero_then_a_hold_then_given_up(age_s, 
     reasons = {Stage.OBEY: (), Stage.ZERO: (Reason.STALE,)}.get(stage, (Reason.COMMAND_LOST,))
     assert (verdict.stage, verdict.reasons) == (stage, reasons)
     assert verdict.twist == (GO if stage is Stage.OBEY else ZERO)
+
+
+@pytest.mark.parametrize(("seen_s", "reasons"), [(0.27, ()), (0.271, (Reason.BLIND,)), (None, ())])
+def test_a_fresh_command_made_from_what_was_seen_long_ago_is_zero_at_once(seen_s, reasons):
+    gate = Gate()
+    gate.cruise(GO)
+    now_ns = gate.now_ns + round(STEP_S * 1e9)
+    robot = replace(WELL, t_ns=now_ns)
+    seen_ns = None if seen_s is None else now_ns - round(seen_s * 1e9)
+    _, verdict = judge(gate.limits, gate.state, Setpoint(GO, now_ns, 0.1, seen_ns), robot, now_ns)
+    assert (verdict.twist, verdict.reasons) == (ZERO if reasons else GO, reasons)
+    assert verdict.stage is (Stage.ZERO if reasons else Stage.OBEY)
 
 
 def test_a_late_command_is_obeyed_again_but_from_zero():

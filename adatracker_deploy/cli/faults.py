@@ -1,0 +1,148 @@
+"""``faults``: every fault on every robot, in rehearsals, and whether each was stopped in time."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import tempfile
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from adatracker_deploy.errors import UsageError
+
+if TYPE_CHECKING:
+    import argparse
+
+    from adatracker_deploy.faults.catalogue import Fault
+    from adatracker_deploy.faults.judge import Result
+    from adatracker_deploy.faults.stalls import Stalls
+
+Job = Callable[["Stalls", Path], "Result"]
+"""Runs one row in an empty folder."""
+
+TRIES = 3
+STALLED_S = 0.03
+"""A machine that stood still for so long explains a row that went wrong, and it is run again."""
+
+
+def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "faults",
+        help="rehearse every fault on every robot, and see that each is stopped in time",
+        description="Runs a short rehearsal for each fault and robot, with real processes on real wires, and "
+        "measures at the simulated robot when it was last told to move and when it stood. Exit status 1 if a "
+        "limit was missed. A row that goes wrong while the machine itself stands still is run again.",
+    )
+    parser.add_argument(
+        "--platform", action="append", metavar="NAME", help="this robot; again for more (default: all)"
+    )
+    parser.add_argument(
+        "--fault", action="append", metavar="NAME", help="this fault; again for more (default: all)"
+    )
+    parser.add_argument("--markdown", type=Path, metavar="FILE", help="write the table into this file too")
+    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Rehearse what was asked for, show it, and return 1 if a limit was missed."""
+    from rich.console import Console
+
+    from adatracker_deploy.faults.stalls import Stalls
+    from adatracker_deploy.faults.table import results_table, write_markdown
+
+    jobs = _jobs(args)
+    console = Console(stderr=args.json)
+    results = []
+    day = datetime.now(UTC).date().isoformat()
+    with Stalls() as stalls:
+        for number, job in enumerate(jobs, start=1):
+            result = _until_calm(job, stalls)
+            told = "-" if result.told_s is None else f"{result.told_s:.2f} s"
+            console.print(
+                f"{number}/{len(jobs)} {result.platform} {result.fault}: {result.verdict}, {told}, machine "
+                f"stalled {result.stall_s:.2f} s {result.note}".rstrip(),
+                markup=False,
+                soft_wrap=True,
+            )
+            results.append(result)
+    results += _absent(args)
+    console.print(results_table(results))
+    if args.markdown is not None:
+        write_markdown(args.markdown, results, day)
+    bad = [result for result in results if result.verdict in ("LATE", "WRONG")]
+    console.print(f"{len(jobs) - len(bad)} of {len(jobs)} as they should be" if jobs else "nothing to show")
+    if args.json:
+        print(json.dumps({"day": day, "faults": [dataclasses.asdict(result) for result in results]}))
+    return 1 if bad else 0
+
+
+def _jobs(args: argparse.Namespace) -> list[Job]:
+    """Return what to run, robot by robot.
+
+    Raises:
+        UsageError: no such robot, no such fault, or the Markdown file has no place for the table.
+    """
+    from adatracker_deploy.faults.matrix import REFUSALS, ROWS
+    from adatracker_deploy.faults.refusals import refuse
+    from adatracker_deploy.faults.rehearse import rehearse
+    from adatracker_deploy.faults.table import check_section
+
+    names = [*(row.fault for row in ROWS), *(refusal.name for refusal in REFUSALS)]
+    for name in args.fault or ():
+        if name not in names:
+            raise UsageError(f"--fault {name}: unknown to the matrix; known are {', '.join(sorted(names))}")
+    if args.markdown is not None:
+        check_section(args.markdown)
+    wanted = args.fault or names
+    jobs: list[Job] = []
+    for platform, known in _robots(args):
+        jobs += [
+            partial(rehearse, row, platform, known[row.fault].says)
+            for row in ROWS
+            if row.fault in wanted and row.fault in known
+        ]
+        jobs += [partial(refuse, refusal, platform) for refusal in REFUSALS if refusal.name in wanted]
+    return jobs
+
+
+def _absent(args: argparse.Namespace) -> list[Result]:
+    """Return a row for each fault that a robot cannot suffer, though another can."""
+    from adatracker_deploy.faults.judge import Result
+    from adatracker_deploy.faults.matrix import ROWS, absent
+
+    return [
+        Result(platform=platform, fault=row.fault, says="", limit="", note=absent(platform, row.fault))
+        for platform, known in _robots(args)
+        for row in ROWS
+        if row.fault in (args.fault or [row.fault]) and row.fault not in known
+    ]
+
+
+def _robots(args: argparse.Namespace) -> list[tuple[str, dict[str, Fault]]]:
+    """Return each robot that was asked for, and what it can suffer."""
+    from adatracker_deploy.faults.catalogue import known_faults
+    from adatracker_deploy.platform import load_platform, platform_names
+    from adatracker_deploy.profile import load_profile
+
+    robots = []
+    for name in args.platform or platform_names():
+        platform = load_platform(name)
+        far_end = platform.sitl(load_profile(platform.default_profile, platform))
+        robots.append((name, known_faults(far_end.faults)))
+    return robots
+
+
+def _until_calm(job: Job, stalls: Stalls) -> Result:
+    """Run a row, and once or twice more where the machine stood still while it went wrong."""
+    for tries in range(1, TRIES + 1):
+        with tempfile.TemporaryDirectory(prefix="faults-") as folder:
+            result = replace(job(stalls, Path(folder)), tries=tries)
+        if result.verdict == "ok" or result.stall_s < STALLED_S:
+            break
+    return result

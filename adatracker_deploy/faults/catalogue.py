@@ -1,0 +1,55 @@
+"""The faults that can be injected, by name; those of one kind of robot alone stand in its own `Sitl`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """Something that goes wrong."""
+
+    name: str
+    says: str
+    """What happens, for people."""
+    lasts_s: float = 0.0
+    """Machine time after which it is over by itself; 0 for what happens once, or stays."""
+
+
+CAMERA_FREEZE = Fault("camera_freeze", "the camera repeats one picture, time stamp and all", 2.0)
+CAMERA_GONE = Fault("camera_gone", "the camera's server is gone, and comes back", 2.0)
+LINK_DROP = Fault("link_drop", "the wire is cut, and mended", 2.0)
+ROBOT_SILENT = Fault("robot_silent", "the robot hears but tells nothing", 2.0)
+BATTERY_LOW = Fault("battery_low", "5 % of the charge are left")
+"""What a far end may know how to do: a `Sitl` lists those that its own does."""
+
+OURS = (
+    CAMERA_FREEZE,  # where the far end carries no camera
+    Fault("segmenter_stall", "the segmenter does not return", 2.0),
+    Fault("segmenter_error", "the segmenter raises an error"),
+    Fault("policy_nan", "the policy's action is not a number"),
+    Fault("policy_inf", "the policy's action is infinite"),
+    Fault("policy_hang", "the policy does not return", 2.0),
+    Fault("action_jump", "the policy's action jumps from end to end at every tick", 2.0),
+    Fault("tracker_stop", "the tracker's process is stopped (SIGSTOP), and continued", 2.0),
+    Fault("tracker_kill", "the tracker's process is killed (SIGKILL)"),
+    Fault("link_stop", "the link's process is stopped (SIGSTOP), and continued", 2.0),
+    Fault("link_kill", "the link's process is killed (SIGKILL)"),
+    Fault("interrupt", "Ctrl-C (SIGINT)"),
+    Fault("terminate", "SIGTERM"),
+    Fault("cpu_hogs", "four processes take all the processor that they can get", 3.0),
+    Fault("gc_pause", "the tracker's interpreter stands still for 0.1 s, as in a full collection"),
+    Fault("disk_full", "the log's file cannot grow any more"),
+)
+"""What happens to the toolkit's own processes, whatever the robot."""
+
+
+def known_faults(far_end: tuple[Fault, ...]) -> dict[str, Fault]:
+    """Return what can be injected into a rehearsal, by name; the far end's way comes before ours.
+
+    Args:
+        far_end: what the robot's far end can do.
+    """
+    ours = {fault.name: fault for fault in OURS}
+    theirs = {fault.name: fault for fault in far_end}
+    return dict(sorted((ours | theirs).items()))

@@ -1,0 +1,180 @@
+"""Compares what happened with what is allowed. Pure: evidence in, a verdict out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Literal
+
+from adatracker_deploy.faults.matrix import SLOT_S
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from adatracker_deploy.faults.matrix import Measure, Row
+    from adatracker_deploy.faults.witness import Testimony, Told
+
+MOVED_S = 0.5
+"""A robot that was not told to move for so long before the onset stood already: that shows nothing."""
+JITTER_S = 0.05
+"""By how much two commands may be further apart, or nearer, than they were sent."""
+
+Verdict = Literal["ok", "LATE", "WRONG", "not shown"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Evidence:
+    """What a row left."""
+
+    testimony: Testimony
+    status: int | None
+    """The command's exit status; None when it had to be killed."""
+    outcome: str
+    """Of the trial; empty when it could not say."""
+    reason: str = ""
+    latched_s: float | None = None
+    """From the onset until the link's stop, by its own clock; None when it latched none."""
+    tick_gaps_s: tuple[float, ...] = ()
+    """Between the loop's ticks, from the onset on."""
+    log_trouble: bool = False
+    """The run said that its log is not whole."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Result:
+    """A row's answer."""
+
+    platform: str
+    fault: str
+    says: str
+    limit: str
+    """What is allowed, in few words."""
+    why: str = ""
+    """What the limit is made of, where it is no round promise."""
+    value_s: float | None = None
+    """What the limit is of."""
+    told_s: float | None = None
+    """From the onset until the last command that moves the robot."""
+    latched_s: float | None = None
+    stands_s: float | None = None
+    """From the onset until the robot's true speed has fallen for good."""
+    stall_s: float = 0.0
+    """The machine's own longest stall about the onset."""
+    outcome: str = ""
+    verdict: Verdict = "not shown"
+    note: str = ""
+    tries: int = 1
+
+
+def judge(
+    row: Row, platform: str, says: str, evidence: Evidence, *, still_m_s: float, accel_m_s2: float
+) -> Result:
+    """Return what a row's evidence amounts to.
+
+    Args:
+        row: what is allowed.
+        platform: whose evidence it is.
+        says: what happened, for people.
+        evidence: of the row.
+        still_m_s: slower than this the robot stands.
+        accel_m_s2: the largest acceleration that the profile allows.
+    """
+    limit_s = row.limit_of(platform)
+    testimony, onset_ns = evidence.testimony, evidence.testimony.onset_ns(row.fault)
+    verdict: Verdict = "WRONG"
+    value_s, told_s, stands_s = None, None, None
+    if onset_ns is None:
+        note = f"it ended before: {evidence.reason or evidence.outcome or 'no word'}"
+    elif not _moved(testimony.commands, onset_ns):
+        note = "the robot was not moving at the onset"
+    else:
+        told_s = _since(onset_ns, (told.t_ns for told in testimony.commands if told.moves))
+        stands_s = _since(onset_ns, (t_ns for t_ns, speed in testimony.speeds if speed > still_m_s))
+        measures: dict[Measure, Callable[[], tuple[float | None, str]]] = {
+            "told": lambda: (told_s, ""),
+            "stands": lambda: (stands_s, ""),
+            "latched": lambda: (evidence.latched_s, ""),
+            "log": lambda: (0.0 if evidence.log_trouble else None, "" if evidence.log_trouble else "untold"),
+            "gap": lambda: _gap(testimony.commands, onset_ns),
+            "burst": lambda: _burst(evidence.tick_gaps_s),
+            "acceleration": lambda: (round(_acceleration(testimony.commands, onset_ns) / accel_m_s2, 2), ""),
+        }
+        value_s, note = measures[row.measure]()
+        fits = value_s is not None and (value_s >= limit_s if row.measure == "burst" else value_s <= limit_s)
+        if evidence.outcome not in row.endings:
+            note = f"ended as {evidence.outcome or 'nothing'}: {evidence.reason}"
+        elif not testimony.off:
+            note = "the robot was not seen to come to rest"
+        else:
+            verdict = "ok" if fits else "LATE" if row.measure in ("told", "latched", "stands") else "WRONG"
+    went_on = row.measure in ("gap", "burst", "acceleration", "log")
+    return Result(
+        platform=platform,
+        fault=row.fault,
+        says=says,
+        limit=_limit(row, limit_s),
+        why=row.why,
+        value_s=value_s,
+        told_s=None if went_on else told_s,
+        latched_s=evidence.latched_s,
+        stands_s=None if went_on else stands_s,
+        outcome=evidence.outcome or "killed",
+        verdict=verdict,
+        note=note,
+    )
+
+
+def _gap(commands: tuple[Told, ...], onset_ns: int) -> tuple[float, str]:
+    """Return by how much the gate was late at the worst, s."""
+    near = [told.t_ns for told in commands if -1e8 < told.t_ns - onset_ns < 5e8]
+    gap_s = max(((b - a) / 1e9 for a, b in pairwise(near)), default=math.inf)
+    return gap_s - SLOT_S, f"commands at most {gap_s * 1e3:.0f} ms apart"
+
+
+def _burst(gaps_s: tuple[float, ...]) -> tuple[float | None, str]:
+    """Return the smallest gap between two ticks as a share of the period."""
+    if not gaps_s:
+        return None, "no tick followed"
+    period_s = sorted(gaps_s)[len(gaps_s) // 2]
+    missed = round(sum(gaps_s) / period_s) - len(gaps_s)
+    return round(min(gaps_s) / period_s, 2), f"{missed} slots missed"
+
+
+def _acceleration(commands: tuple[Told, ...], onset_ns: int) -> float:
+    """Return the largest change of forward speed per second, m/s^2, that cannot be jitter, braking to zero
+    at once left out.
+    """
+    near = [told for told in commands if 0 <= told.t_ns - onset_ns < 2e9]
+    largest = 0.0
+    for first, earlier in enumerate(near):
+        for later in near[first + 1 : first + 30]:
+            if not later.moves:
+                break
+            seconds = (later.t_ns - earlier.t_ns) / 1e9 + JITTER_S
+            largest = max(largest, abs(later.vx - earlier.vx) / seconds)
+    return largest
+
+
+def _moved(commands: tuple[Told, ...], onset_ns: int) -> bool:
+    return any(told.moves and 0 <= onset_ns - told.t_ns < MOVED_S * 1e9 for told in commands)
+
+
+def _since(onset_ns: int, times_ns: Iterable[int]) -> float:
+    """Return the seconds from the onset to the last of these times; 0 if all are before."""
+    return max(0.0, (max(times_ns, default=onset_ns) - onset_ns) / 1e9)
+
+
+def _limit(row: Row, limit_s: float) -> str:
+    """Say what is allowed, in few words."""
+    match row.measure:
+        case "told" | "latched" | "stands":
+            return f"{row.measure} {limit_s:g} s"
+        case "gap":
+            return "gate 10 ms"
+        case "burst":
+            return "no burst"
+        case "acceleration":
+            return "accelerates"
+        case "log":
+            return "goes on"

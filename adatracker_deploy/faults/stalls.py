@@ -1,0 +1,49 @@
+"""How long the machine itself stood still: a thread that sleeps, and notes how much too long."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Self
+
+NAP_S = 0.01
+WORTH_NOTING_S = 0.01
+"""A sleep that is longer by less is the usual."""
+
+
+class Stalls:
+    """Watches while it is entered; a late stop beside a stall of the same size is the machine's, not ours."""
+
+    def __init__(self) -> None:
+        self._noted: list[tuple[int, float]] = []
+        """(machine time at which it was over, ns; how long it took, s)."""
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._watch, name="stalls", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+        self._thread.join()
+
+    def largest_s(self, since_ns: int, until_ns: int) -> float:
+        """Return the longest stall of those that reach into a span of machine time; 0 for none."""
+        return max(
+            (
+                stall_s
+                for over_ns, stall_s in list(self._noted)
+                if over_ns >= since_ns and over_ns - stall_s * 1e9 <= until_ns
+            ),
+            default=0.0,
+        )
+
+    def _watch(self) -> None:
+        slept_ns = time.monotonic_ns()
+        while not self._ended.wait(NAP_S):
+            now_ns = time.monotonic_ns()
+            stall_s = (now_ns - slept_ns) / 1e9 - NAP_S
+            if stall_s > WORTH_NOTING_S:
+                self._noted.append((now_ns, stall_s))
+            slept_ns = now_ns

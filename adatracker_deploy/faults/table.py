@@ -1,0 +1,137 @@
+"""Results as a table: in a terminal a line a row, in Markdown a line a fault with its robots side by side."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rich import box
+from rich.console import Group
+from rich.table import Table
+from rich.text import Text
+
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.faults.matrix import NOT_SHOWN
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from rich.console import RenderableType
+
+    from adatracker_deploy.faults.judge import Result
+
+BEGIN, END = "<!-- faults: begin -->", "<!-- faults: end -->"
+"""Around the section of a Markdown file that is written here."""
+_COLOURS = {"ok": "green", "LATE": "red", "WRONG": "red", "not shown": "yellow"}
+
+
+def results_table(results: Sequence[Result]) -> RenderableType:
+    """Draw every row, and what could not be shown with its reason."""
+    table = Table(box=box.SIMPLE_HEAD, padding=0, show_edge=False, caption=_CAPTION, caption_justify="left")
+    for column in ("fault", "robot", "limit"):
+        table.add_column(column, no_wrap=True)
+    for column in ("told", "latched", "stands", "stall"):
+        table.add_column(column, justify="right", no_wrap=True)
+    table.add_column("verdict", no_wrap=True)
+    for result in results:
+        if _unshown(result):
+            continue
+        times = (result.told_s, result.latched_s, result.stands_s, result.stall_s)
+        again = f" ({result.tries})" if result.tries > 1 else ""
+        table.add_row(
+            *map(Text, (result.fault, result.platform, result.limit)),
+            *(Text(_seconds(time_s)) for time_s in times),
+            Text(result.verdict + again, _COLOURS[result.verdict]),
+        )
+    reasons = [f"{result.platform} {result.fault}: {result.note}" for result in results if _unshown(result)]
+    reasons += [f"{name}: {why}" for name, why in NOT_SHOWN.items()]
+    return Group(table, Text("not shown:"), *(Text(f"  {reason}") for reason in reasons))
+
+
+_CAPTION = (
+    "seconds from the onset. told: the last motion command that reached the robot; latched: the link's stop; "
+    "stands: the robot's true speed; stall: how long the machine itself stood still about the onset; in "
+    "brackets how often a row was run"
+)
+
+
+def write_markdown(path: Path, results: Sequence[Result], day: str) -> None:
+    """Replace the marked section of a Markdown file.
+
+    Args:
+        path: the file, which has the two marks.
+        results: the whole matrix's, or a part's.
+        day: the date, as it shall be written.
+
+    Raises:
+        UsageError: it cannot be read or written, or has no marked section.
+    """
+    before, after = check_section(path)
+    try:
+        path.write_text(f"{before}{BEGIN}\n{markdown(results, day)}{END}{after}", encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"--markdown {path}: {error.strerror}") from error
+
+
+def check_section(path: Path) -> tuple[str, str]:
+    """Return what stands before and after the marked section of a Markdown file.
+
+    Raises:
+        UsageError: it cannot be read, or has no marked section.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise UsageError(f"--markdown {path}: cannot be read: {error}") from error
+    before, begin, rest = text.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not (begin and end):
+        raise UsageError(f"--markdown {path}: has no section between {BEGIN} and {END} to write to")
+    return before, after
+
+
+def markdown(results: Sequence[Result], day: str) -> str:
+    """Return the results as a Markdown table, a line a fault."""
+    robots = list(dict.fromkeys(result.platform for result in results))
+    lines = [
+        f"Measured on {day}. In each field: the time that the limit is of, when the robot stood, and, in",
+        "brackets, the machine's own longest stall about the onset; all in seconds.",
+        "",
+        f"| fault | what happens | limit | {' | '.join(robots)} |",
+        f"|---|---|---|{'---|' * len(robots)}",
+    ]
+    for fault in dict.fromkeys(result.fault for result in results):
+        of_it = {result.platform: result for result in results if result.fault == fault}
+        limits = "; ".join(dict.fromkeys(_allowed(result) for result in of_it.values() if result.limit))
+        says = next(iter(of_it.values())).says
+        fields = (_field(of_it[robot]) if robot in of_it else "" for robot in robots)
+        lines.append(f"| `{fault}` | {says} | {limits} | {' | '.join(fields)} |")
+    lines += ["", "Not shown in a rehearsal:", ""]
+    lines += [f"* `{name}`: {why}." for name, why in NOT_SHOWN.items()]
+    return "\n".join((*lines, ""))
+
+
+def _unshown(result: Result) -> bool:
+    return result.verdict == "not shown"
+
+
+def _allowed(result: Result) -> str:
+    return f"{result.limit}: {result.why}" if result.why else result.limit
+
+
+def _field(result: Result) -> str:
+    if _unshown(result):
+        return f"not shown: {result.note}"
+    parts = []
+    if result.value_s is not None and result.told_s is not None:
+        parts.append(f"{result.value_s:.2f}")
+    if result.stands_s is not None:
+        parts.append(f"stands {result.stands_s:.2f}")
+    text = ", ".join(parts) or result.note or result.outcome
+    stall = f" ({result.stall_s:.2f})" if parts else ""
+    bad = "" if result.verdict == "ok" else f" **{result.verdict}**: {result.note or result.outcome}"
+    return f"{text}{stall}{bad}"
+
+
+def _seconds(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f}"

@@ -1,0 +1,130 @@
+"""What the simulated robot was told and how it moved, in a file that outlives whoever is killed.
+
+A line a moment: machine time (`time.monotonic_ns`, the same in every process), a word, its values::
+
+    81516371244106 command 0.812 0.0 0.0 -0.113     velocity that reached the robot: vx vy vz yaw_rate
+    81516376032871 speed 0.790                      its true speed over the ground, m/s
+    81516380217755 begin camera_freeze              written by whoever injects, as soon as it has
+    81518380411902 end camera_freeze
+    81519990332047 off                              the far end has ended, its robot at rest
+
+Each line is one write at the file's end, so that several processes share the file.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from adatracker_deploy.platform import Twist
+
+FILE_NAME = "witness.txt"
+STILL = 1e-3
+"""m/s and rad/s: less than this is no motion command; a CAN frame's smallest is 0.001."""
+
+
+class Witness:
+    """Appends what happens to a file; one without a file keeps it to itself.
+
+    Args:
+        path: of the file, which is made; None for nowhere.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+
+    def __init__(self, path: Path | None = None) -> None:
+        self._fd = None if path is None else os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600)
+
+    def command(self, twist: Twist) -> None:
+        """Note a velocity that has reached the robot."""
+        self._write(f"command {twist.vx:.4g} {twist.vy:.4g} {twist.vz:.4g} {twist.yaw_rate:.4g}")
+
+    def speed(self, speed_m_s: float) -> None:
+        """Note how fast the robot really is, over the ground."""
+        self._write(f"speed {speed_m_s:.4g}")
+
+    def fault(self, name: str, *, begins: bool) -> None:
+        """Note that a fault has been injected, or is over."""
+        self._write(f"{'begin' if begins else 'end'} {name}")
+
+    def off(self) -> None:
+        """Note that the robot is at rest and its far end ends."""
+        self._write("off")
+
+    def close(self) -> None:
+        """Let go of the file; may be called twice."""
+        fd, self._fd = self._fd, None
+        if fd is not None:
+            os.close(fd)
+
+    def _write(self, words: str) -> None:
+        if self._fd is not None:
+            with contextlib.suppress(OSError):  # a full disk must not keep a robot from being stepped
+                os.write(self._fd, f"{time.monotonic_ns()} {words}\n".encode())
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """A velocity command that reached the robot."""
+
+    t_ns: int
+    vx: float
+    vy: float
+    vz: float
+    yaw_rate: float
+
+    @property
+    def moves(self) -> bool:
+        """Whether it asks for motion along the ground or for turning; a drone climbs to hold its height."""
+        return max(abs(self.vx), abs(self.vy), abs(self.yaw_rate)) >= STILL or not math.isfinite(
+            self.vx + self.vy + self.vz + self.yaw_rate
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Testimony:
+    """All that a witness wrote, in the order of time."""
+
+    commands: tuple[Told, ...] = ()
+    speeds: tuple[tuple[int, float], ...] = ()
+    """(machine time in ns, m/s)."""
+    faults: tuple[tuple[int, str, bool], ...] = ()
+    """(machine time in ns, name, whether it begins)."""
+    off: bool = False
+    """The far end has ended in order."""
+
+    def onset_ns(self, name: str) -> int | None:
+        """Return when a fault first began; None if it never did."""
+        return next((t_ns for t_ns, found, begins in self.faults if begins and found == name), None)
+
+
+def read_witness(text: str) -> Testimony:
+    """Read what a witness wrote; a last line that is not whole counts as none."""
+    commands: list[Told] = []
+    speeds: list[tuple[int, float]] = []
+    faults: list[tuple[int, str, bool]] = []
+    off = False
+    for line in text.splitlines():
+        with contextlib.suppress(ValueError, IndexError, TypeError):
+            time_text, what, *values = line.split()
+            t_ns = int(time_text)
+            match what:
+                case "command":
+                    commands.append(Told(t_ns, *map(float, values)))
+                case "speed":
+                    speeds.append((t_ns, float(values[0])))
+                case "begin" | "end":
+                    faults.append((t_ns, values[0], what == "begin"))
+                case "off":
+                    off = True
+    return Testimony(
+        tuple(sorted(commands, key=lambda told: told.t_ns)), tuple(sorted(speeds)), tuple(sorted(faults)), off
+    )
