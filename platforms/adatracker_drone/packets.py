@@ -81,6 +81,21 @@ def split(datagram: bytes) -> Iterator[Packet]:
         at += len(packet.data)
 
 
+def pack(message: int, payload: bytes, extra: int, *, system: int, component: int, number: int) -> bytes:
+    """Return an unsigned MAVLink 2 frame.
+
+    Args:
+        message: its id.
+        payload: at most 255 bytes; trailing zeros need not be sent.
+        extra: the message's CRC_EXTRA.
+        system: the sender's id.
+        component: the sender's, too.
+        number: counts the sender's frames, modulo 256.
+    """
+    head = bytes((_V2, len(payload), 0, 0, number, system, component)) + message.to_bytes(3, "little")
+    return head + payload + _crc(head[1:] + payload + bytes([extra]))
+
+
 def signing_time(unix_ns: int) -> int:
     """Return a signature's time."""
     return max(0, unix_ns - EPOCH_2015_NS) // TICK_NS

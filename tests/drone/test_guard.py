@@ -74,7 +74,16 @@ def test_others_on_the_autopilots_own_link_are_left_alone_without_a_word():
 
 def test_a_message_that_nobody_here_needs_does_not_pass():
     order = mavlink.MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0).pack(packer())
-    assert pinned().admit(bytes(order), DRONE, NOW_NS) == b""
+    guard = pinned()
+    assert guard.admit(bytes(order), DRONE, NOW_NS) == b""
+    assert guard.ignored[Ignored.OTHER] == 1
+
+
+def test_bytes_that_are_no_mavlink_are_told_of_and_do_not_hide_the_frame_before_them():
+    guard = pinned()
+    assert guard.admit(attitude() + b"GET / HTTP/1.1", DRONE, NOW_NS) == attitude()
+    assert guard.ignored[Ignored.MALFORMED] == 1
+    assert guard.take_notices()
 
 
 def test_a_peer_that_is_dialled_is_the_only_one_from_the_start():

@@ -11,6 +11,7 @@ from adatracker_drone.packets import (
     HEARTBEAT,
     SIGNATURE_BYTES,
     is_signed_with,
+    pack,
     sign,
     signature_of,
     signing_time,
@@ -49,6 +50,13 @@ def test_a_datagram_falls_into_its_frames(sent):
         assert (packet.system, packet.component) == (message.get_srcSystem(), message.get_srcComponent())
         assert packet.message == message.get_msgId()
         assert packet.is_whole == (packet.message in HEARD)
+
+
+@given(frames(version=st.just(2)))
+def test_what_is_packed_here_is_what_pymavlink_packs(frame):
+    kind = mavlink.mavlink_map[int.from_bytes(frame[7:10], "little")]
+    made = pack(kind.id, frame[10:-2], kind.crc_extra, system=frame[5], component=frame[6], number=frame[4])
+    assert made == frame
 
 
 @given(frames(), st.data())
