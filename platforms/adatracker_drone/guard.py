@@ -26,7 +26,7 @@ class Ignored(enum.StrEnum):
 
     STRANGER = "from an address that is not the autopilot's"
     FORGED = "without a valid signature"
-    MALFORMED = "that are no MAVLink, or not whole"
+    MALFORMED = "that are no MAVLink, or not whole, or whose text is not printable"
     OTHER = "of other systems or of messages that are not needed"
     """No offence: ground stations and gimbals share a drone's link."""
 
@@ -46,6 +46,8 @@ class Guard:
     def __init__(self, system: int, peer: Address | None = None, signer: Signer | None = None) -> None:
         self.peer = peer
         """The one that is listened to and spoken to; None until it is heard."""
+        self.judged = 0
+        """Datagrams so far."""
         self.ignored = dict.fromkeys(Ignored, 0)
         self._system = system
         self._signer = signer
@@ -59,6 +61,7 @@ class Guard:
             sender: its address.
             unix_ns: now, since 1970; for signatures.
         """
+        self.judged += 1
         if self.peer is not None and sender != self.peer:
             self._ignore(Ignored.STRANGER, sender)
             return b""
@@ -92,7 +95,7 @@ class Guard:
             return Ignored.OTHER
         if packet.message not in HEARD:
             return Ignored.OTHER
-        if not packet.is_whole:
+        if not packet.is_whole or not packet.is_plain:
             return Ignored.MALFORMED
         if self._signer is not None and not self._signer.believes(packet, unix_ns):
             return Ignored.FORGED

@@ -43,6 +43,11 @@ HEARD = {
 }
 """The messages that this side listens to, and the CRC_EXTRA of each (common.xml)."""
 
+_TEXTS = {22: slice(8, 24), 253: slice(1, 51)}
+"""Where in its payload a message has text: PARAM_VALUE's name, STATUSTEXT's text."""
+_PLAIN = frozenset(range(0x20, 0x7F)) | {0x09}
+"""Printable ASCII, and the tab that PX4 puts behind a text: nothing that a terminal would obey."""
+
 _V1, _V2 = 0xFE, 0xFD
 _V1_HEADER, _V2_HEADER = 6, 10
 _CRC_BYTES = 2
@@ -71,6 +76,15 @@ class Packet:
             return False
         end = len(self.data) - _CRC_BYTES - SIGNATURE_BYTES * self.signed
         return self.data[end : end + _CRC_BYTES] == _crc(self.data[1:end] + bytes([extra]))
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether all text in it is printable."""
+        place = _TEXTS.get(self.message)
+        if place is None:
+            return True
+        payload = self.data[_V1_HEADER if self.data[0] == _V1 else _V2_HEADER :][: self.data[1]]
+        return _PLAIN.issuperset(payload[place].partition(b"\0")[0])
 
 
 def split(datagram: bytes) -> Iterator[Packet]:

@@ -6,6 +6,9 @@ import math
 import struct
 from typing import TYPE_CHECKING
 
+from adatracker_deploy.platform import ZERO
+from adatracker_quadruped.messages import Malformed, decode_twist
+
 if TYPE_CHECKING:
     import random
     from collections.abc import Iterator
@@ -39,7 +42,19 @@ def mutate(valid: bytes, dice: random.Random) -> bytes:
 
 
 def payloads(valid: bytes, dice: random.Random) -> Iterator[bytes]:
-    """Yield mutations of one payload without end; now and then one of up to a megabyte."""
+    """Yield mutations of one payload without end; now and then one of up to a megabyte.
+
+    None is a command to move: whoever may command a robot could rightly move it.
+    """
     while True:
         behind = dice.randrange(_LARGEST) if dice.random() < _LARGE_SHARE else 0
-        yield mutate(valid, dice) + bytes(behind)
+        payload = mutate(valid, dice) + bytes(behind)
+        if not _asks_for_motion(payload):
+            yield payload
+
+
+def _asks_for_motion(payload: bytes) -> bool:
+    try:
+        return decode_twist(payload) != ZERO
+    except Malformed:
+        return False

@@ -79,6 +79,25 @@ def test_a_message_that_nobody_here_needs_does_not_pass():
     assert guard.ignored[Ignored.OTHER] == 1
 
 
+@pytest.mark.parametrize("text", [b"\x1b[2J", b"caf\xe9", b"a\r\nb"])
+def test_a_text_that_a_terminal_would_obey_does_not_pass(text):
+    guard = pinned()
+    for message in (
+        mavlink.MAVLink_statustext_message(2, text),
+        mavlink.MAVLink_param_value_message(text, 1.0, 9, 1, 0),
+    ):
+        for old in (False, True):
+            frame = bytes(message.pack(packer(), force_mavlink1=old))
+            assert guard.admit(frame, DRONE, NOW_NS) == b""
+    assert guard.ignored[Ignored.MALFORMED] == 4
+
+
+@pytest.mark.parametrize("text", [b"Arming denied: low battery\t", b"", b"x" * 50])
+def test_a_plain_text_passes(text):
+    frame = bytes(mavlink.MAVLink_statustext_message(2, text).pack(packer()))
+    assert pinned().admit(frame, DRONE, NOW_NS) == frame
+
+
 def test_bytes_that_are_no_mavlink_are_told_of_and_do_not_hide_the_frame_before_them():
     guard = pinned()
     assert guard.admit(attitude() + b"GET / HTTP/1.1", DRONE, NOW_NS) == attitude()
