@@ -251,6 +251,13 @@ class Platform(abc.ABC):
     def state(self) -> PlatformState:
         """Return the newest state; never blocks, carries its own age."""
 
+    def notices(self) -> tuple[str, ...]:
+        """Return what an operator should know of since the last call, beyond the state; never blocks.
+
+        Each becomes a warning in the trial's log, so a robot keeps them few, whatever comes over its wire.
+        """
+        return ()
+
     @abc.abstractmethod
     def hold(self, reason: str) -> None:
         """Stop moving and stay so: latches."""

@@ -137,8 +137,10 @@ class Link:
     def step(self, now_ns: int) -> LinkStatus:
         """Do one slot's work at `now_ns` and return what was done."""
         driven = self.status.phase in _DRIVEN  # before the state is read: an older one says "not engaged"
-        state = self._platform.state()
+        state, notices = self._platform.state(), self._platform.notices()
         with self._lock:
+            for notice in notices:
+                self.note("warning", notice)
             phase = self.status.phase
             self.status = replace(self.status, state=state, t_ns=now_ns)
             if not driven or phase not in _DRIVEN:

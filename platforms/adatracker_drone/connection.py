@@ -18,6 +18,9 @@ class Connection:
     """As MAVSDK takes it, with numeric addresses."""
     system_id: Annotated[int, Range(1, 255)] = 1
     """Of the vehicle to fly (its MAV_SYS_ID); any other on the same link is left alone."""
+    signing_key: str = ""
+    """A file of 32 secret bytes, mode 0600, that the autopilot has too: then every packet is signed, and none
+    without a valid signature is listened to. Empty signs nothing. Only where `url` is UDP."""
     takeoff_altitude_m: Annotated[float, Range(1, 30)] = 2.5
     """Above the ground; velocity commands start from there."""
     min_battery: Annotated[float, Range(0, 1)] = 0.3
@@ -27,6 +30,13 @@ class Connection:
     """How long the preflight waits for sensors, position and home."""
     telemetry_timeout_s: Annotated[float, Range(0.1, 5)] = 0.3
     """Without a position for this long the drone is flown no further."""
+
+    def __post_init__(self) -> None:
+        if self.signing_key and not self.url.startswith("udp"):
+            raise UsageError(
+                f"connection: signing_key needs a udpin:// or udpout:// url, not {self.url!r}: MAVSDK, which "
+                "carries the others, signs nothing"
+            )
 
 
 def altitude_band(connection: Connection, limits: Limits) -> tuple[float, float]:

@@ -18,6 +18,7 @@ from adatracker_deploy.platform import Twist
 from adatracker_deploy.runtime.clock import Clock
 from adatracker_drone.autopilot import COMPONENT, SYSTEM, Autopilot, velocity_of
 from adatracker_drone.body import STEP_S, DroneBody
+from adatracker_drone.packets import signing_time
 from adatracker_drone.settings import SitlSettings
 from adatracker_drone.telemetry import Message
 
@@ -33,13 +34,20 @@ _MOST_DATAGRAMS = 200
 
 
 class Wire:
-    """One UDP link, which sends to and hears one address alone."""
+    """One UDP link, which sends to and hears one address alone.
 
-    def __init__(self, address: tuple[str, int]) -> None:
+    Args:
+        address: that one.
+        key: the secret that both ends share, with which every message is signed; None signs nothing.
+    """
+
+    def __init__(self, address: tuple[str, int], key: bytes | None = None) -> None:
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.setblocking(False)
         self.socket.connect(address)  # from then on it hears nobody else
         self._packer = mavlink.MAVLink(None, srcSystem=SYSTEM, srcComponent=COMPONENT)
+        self._signing = self._packer.signing
+        self._signing.secret_key, self._signing.sign_outgoing = key, key is not None
 
     def receive(self) -> list[Message]:
         """Return the decoded messages that have come in; bytes that are no message are dropped."""
@@ -50,12 +58,14 @@ class Wire:
                 # A datagram holds whole messages: a new parser for each keeps no rubbish for the next.
                 parser = mavlink.MAVLink(None)
                 parser.robust_parsing = True
+                parser.signing = self._signing  # with a key it raises for what is not signed with it
                 with contextlib.suppress(Exception):  # whatever a hostile datagram provokes ends with it
                     messages += parser.parse_buffer(data) or []
         return messages
 
     def send(self, messages: list[Message]) -> None:
         """Send each message in a datagram of its own; a full or absent receiver loses it."""
+        self._signing.timestamp = max(self._signing.timestamp, signing_time(time.time_ns()))
         for message in messages:
             with contextlib.suppress(BlockingIOError, ConnectionRefusedError):
                 self.socket.send(message.pack(self._packer))
@@ -70,6 +80,7 @@ class FarEnd:
         seed: int,
         speed: float,
         addresses: list[tuple[str, int]],
+        key: bytes | None = None,
         orders: Orders | None = None,
     ) -> None:
         """Switch it on.
@@ -79,6 +90,7 @@ class FarEnd:
             seed: of its wind and its estimation errors.
             speed: times real time; see `Autopilot`.
             addresses: where each link sends.
+            key: with which all of them are signed; None signs nothing.
             orders: what shall go wrong while it runs, and who is told of it. All links but the first, which
                 are for ground stations, stay whole.
 
@@ -88,7 +100,7 @@ class FarEnd:
         self._autopilot = Autopilot(settings, seed, speed)
         self._body = DroneBody(settings)
         self._body.reset(Pose(yaw=math.radians(settings.yaw_deg)), seed)
-        self._wires = [Wire(address) for address in addresses]
+        self._wires = [Wire(address, key) for address in addresses]
         self._orders = orders or Orders()
         self._ticks = 0
 

@@ -15,7 +15,13 @@ from adatracker_deploy.platform import Body, Check, Platform, PlatformState, Sit
 from adatracker_drone.connection import Connection, altitude_band
 from adatracker_drone.frames import NedPose
 from adatracker_drone.helm import Helm
-from adatracker_drone.preflight import Parameters, envelope_checks, failsafe_checks, health_checks
+from adatracker_drone.preflight import (
+    Parameters,
+    envelope_checks,
+    failsafe_checks,
+    health_checks,
+    link_checks,
+)
 from adatracker_drone.protocol import body_velocity
 from adatracker_drone.settings import SitlSettings
 from adatracker_drone.vehicle import Heard, Vehicle
@@ -73,15 +79,16 @@ class DronePlatform(Platform):
             if self._vehicle is not None:
                 return
             altitude_band(self._connection, self.profile.limits)
-            vehicle = Vehicle(self._connection.url, self.clock, self._helm.on_mode)
+            vehicle = Vehicle(self._connection, self.clock, self._helm.on_mode)
             deadline_ns = self._deadline_ns(self._connection.connect_timeout_s)
-            while not vehicle.discover(self._connection.system_id):
+            while not vehicle.discover():
                 now_ns = self.clock.now_ns()
                 if self._closing or now_ns > deadline_ns:
+                    ignored = f" ({vehicle.ignored})" if vehicle.ignored else ""
                     vehicle.close()
                     raise PlatformError(
                         f"no autopilot with system id {self._connection.system_id} heard on "
-                        f"{self._connection.url} within {self._connection.connect_timeout_s:g} s: "
+                        f"{self._connection.url} within {self._connection.connect_timeout_s:g} s{ignored}: "
                         "power it, and let it send MAVLink there"
                     )
                 self.clock.sleep_until(now_ns + _TICK_NS)
@@ -94,6 +101,7 @@ class DronePlatform(Platform):
             self._wait(vehicle, _is_ready, self._connection.ready_timeout_s, self._refuse_when_closing)
             heard, parameters = vehicle.heard, Parameters.read(vehicle.parameter)
             return (
+                *link_checks(self._connection.url, self._connection.signing_key, vehicle.ignored),
                 *health_checks(
                     unhealthy=heard.unhealthy,
                     armable=heard.armable,
@@ -159,6 +167,11 @@ class DronePlatform(Platform):
             stopped=self._helm.stopped,
             taken_over=self._helm.taken_over,
         )
+
+    def notices(self) -> tuple[str, ...]:
+        """Return what the link ignored because it did not come from the autopilot."""
+        vehicle = self._vehicle
+        return vehicle.take_notices() if vehicle is not None else ()
 
     def hold(self, reason: str) -> None:
         """Command zero once, then HOLD; no set-point follows until an explicit `engage`."""

@@ -57,6 +57,35 @@ class Parameters:
         )
 
 
+def link_checks(url: str, signing_key: str, ignored: str) -> tuple[Check, ...]:
+    """Judge who else could talk to this side: warnings, for only who runs the network can know.
+
+    Args:
+        url: of the connection, checked.
+        signing_key: of the connection.
+        ignored: what has come and was not listened to, in words.
+    """
+    doubts = (
+        (bool(ignored), f"somebody else talks on it; {ignored}"),
+        (
+            url.startswith("udpin://0.0.0.0:"),
+            "it is open on every network of this machine: bind the address of one in connection.url",
+        ),
+        (
+            not signing_key and not _is_private(url),
+            "not signed (connection.signing_key): whoever is on its network can pose as either end",
+        ),
+    )
+    doubt = "; ".join(why for stands, why in doubts if stands)
+    sound = "signed" if signing_key else "this machine's own, or a cable's"
+    return (Check("link", not doubt, doubt or sound, blocking=False),)
+
+
+def _is_private(url: str) -> bool:
+    """Tell whether a URL is the loopback's, or a serial cable's."""
+    return url.startswith("serial") or url.partition("://")[2].startswith("127.")
+
+
 def failsafe_checks(parameters: Parameters) -> tuple[Check, ...]:
     """Judge what PX4 does by itself once set-points stop: the stop of last resort of everything above it."""
     loss_s, action = parameters.COM_OF_LOSS_T, parameters.COM_OBL_RC_ACT

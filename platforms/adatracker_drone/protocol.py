@@ -65,6 +65,12 @@ def check_url(url: str) -> tuple[str, int] | None:
     return (address, int(match[3])) if match[1] == "udpin" else None
 
 
+def dialled(url: str) -> tuple[str, int] | None:
+    """Return the UDP address that a checked URL makes this side dial, if it does."""
+    match = _NETWORK_URL.fullmatch(url)
+    return (match[2], int(match[3])) if match is not None and match[1] == "udpout" else None
+
+
 def set_point_json(command: Twist, now_ns: int, autopilot: tuple[int, int] = AUTOPILOT) -> str:
     """Return the JSON fields of one SET_POSITION_TARGET_LOCAL_NED: a level body velocity and a yaw rate.
 

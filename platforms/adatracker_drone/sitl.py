@@ -35,6 +35,7 @@ from adatracker_deploy.platform import Scenario, Sitl
 from adatracker_deploy.schema import parse
 from adatracker_drone.protocol import check_url
 from adatracker_drone.settings import SitlSettings
+from adatracker_drone.signing import read_key
 
 if TYPE_CHECKING:
     from adatracker_deploy.profile import Profile
@@ -66,8 +67,13 @@ class DroneSitl(Sitl):
         _require_libraries()
         url, port = _free_address(self._profile.connection.url)
         settings = json.dumps(dataclasses.asdict(self._profile.sitl))
+        key = self._profile.connection.signing_key
         self._process.start(
-            clock, ["--port", str(port), "--seed", str(scenario.seed), "--settings", settings]
+            clock,
+            [
+                *("--port", str(port), "--seed", str(scenario.seed), "--settings", settings),
+                *(("--signing-key", key) if key else ()),
+            ],
         )
         connection = dataclasses.replace(self._profile.connection, url=url)
         camera = dataclasses.replace(self._profile.camera, uri=f"world://{scenario.scene}")
@@ -116,8 +122,10 @@ def main(argv: list[str] | None = None) -> int:
     try:
         settings = parse(SitlSettings, json.loads(args.settings), where="settings")
         gcs = _gcs_address(args.gcs or settings.gcs)
+        key = read_key(args.signing_key) if args.signing_key else None
         orders = Orders()
-        far_end = _power_on(settings, args, [("127.0.0.1", args.port), *gcs], orders)
+        addresses = [("127.0.0.1", args.port), *gcs]
+        far_end = _power_on(settings, args, addresses, key, orders)
     except (UsageError, json.JSONDecodeError) as error:
         return refuse(error)
     lifeline_ended = lifeline(args, orders)
@@ -128,12 +136,16 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _power_on(
-    settings: SitlSettings, args: argparse.Namespace, addresses: list[tuple[str, int]], orders: Orders
+    settings: SitlSettings,
+    args: argparse.Namespace,
+    addresses: list[tuple[str, int]],
+    key: bytes | None,
+    orders: Orders,
 ) -> FarEnd:
     _require_libraries()
     from adatracker_drone.far_end import FarEnd
 
-    return FarEnd(settings, args.seed, args.speed, addresses, orders)
+    return FarEnd(settings, args.seed, args.speed, addresses, key, orders)
 
 
 def _require_libraries() -> None:
@@ -168,6 +180,9 @@ def _arguments() -> argparse.ArgumentParser:
     )
     parser.add_argument("--port", type=_port, default=14540, help="UDP port of this machine to send to")
     parser.add_argument("--gcs", default="", help="a second link: udpout:ADDRESS:PORT")
+    parser.add_argument(
+        "--signing-key", default="", help="a file of 32 bytes, mode 0600: sign, and hear nothing unsigned"
+    )
     parser.add_argument("--settings", default="{}", help="the profile's sitl: section, as JSON")
     add_arguments(parser)
     return parser

@@ -1,9 +1,10 @@
 """A PX4 vehicle behind MAVSDK: what was heard of it, and the few things that can be asked of it.
 
 All of MAVSDK is in this module. Telemetry arrives by subscription in MAVSDK's own thread and replaces a
-frozen snapshot; nothing is polled. Set-points go through `MavlinkDirect`, which sends only when it is called:
-the `Offboard` plugin repeats the last one from a C++ thread for as long as the process lives, so that the
-autopilot's fail-safe for lost set-points cannot see that Python hangs.
+frozen snapshot; nothing is polled. UDP is `UdpLink`'s, which hands MAVSDK what it lets in and takes from it
+what goes out. Set-points go through `MavlinkDirect`, which sends only when it is called: the `Offboard`
+plugin repeats the last one from a C++ thread for as long as the process lives, so that the autopilot's
+fail-safe for lost set-points cannot see that Python hangs.
 """
 
 from __future__ import annotations
@@ -11,7 +12,6 @@ from __future__ import annotations
 import contextlib
 import logging
 import math
-import socket
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -24,20 +24,24 @@ from mavsdk.plugins.param import Param
 from mavsdk.plugins.telemetry import LandedState, StatusTextType, Telemetry
 
 from adatracker_deploy.errors import PlatformError, UsageError
-from adatracker_drone.protocol import check_url, heartbeat_rate_json, offboard_json, set_point_json
+from adatracker_drone.guard import AUTOPILOT_COMPONENT
+from adatracker_drone.protocol import check_url, dialled, heartbeat_rate_json, offboard_json, set_point_json
+from adatracker_drone.signing import Signer, read_key
+from adatracker_drone.udp import UdpLink
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from adatracker_deploy.platform import Twist
     from adatracker_deploy.runtime.clock import Clock
+    from adatracker_drone.connection import Connection
 
 _log = logging.getLogger(__name__)
 _log.addHandler(logging.NullHandler())
 
 _STATUS_RATE_HZ = 5.0
-_AUTOPILOT_COMPONENT = 1
-"""MAV_COMP_ID_AUTOPILOT1."""
+_OURS = "raw://"
+"""MAVSDK's name for a connection whose bytes somebody else carries."""
 _NO_ANSWER = ("TIMEOUT", "NO_SYSTEM", "CONNECTION_ERROR")
 _HEALTH = {
     "is_gyrometer_calibration_ok": "gyroscope",
@@ -79,33 +83,48 @@ class Vehicle:
     """One autopilot over one connection; calls block until it has acknowledged them.
 
     Args:
-        url: where it is reached, as `check_url` accepts it.
+        connection: the profile's.
         clock: stamps what is heard.
         on_mode: called in MAVSDK's thread with the name of the mode in every HEARTBEAT; must return at once.
 
     Raises:
-        UsageError: the URL is malformed, or its UDP port is taken.
+        UsageError: the URL is malformed, its UDP port is taken, or the signing key cannot be used.
     """
 
-    def __init__(self, url: str, clock: Clock, on_mode: Callable[[str], None]) -> None:
+    def __init__(self, connection: Connection, clock: Clock, on_mode: Callable[[str], None]) -> None:
         self.heard = Heard()
         self._clock = clock
         self._on_mode = on_mode
-        _probe(url)
+        self._system_id = connection.system_id
+        self._link = _udp_link(connection, self._pass_on)
         mavsdk.log_subscribe(_to_logging)
         configuration = Configuration.create_with_component_type(ComponentType.COMPANION_COMPUTER)
         self._mavsdk = Mavsdk(configuration)
-        result = self._mavsdk.add_any_connection(url)
+        if self._link is not None:
+            self._mavsdk.subscribe_raw_bytes_to_be_sent(self._link.send)
+        result = self._mavsdk.add_any_connection(connection.url if self._link is None else _OURS)
         if result != ConnectionResult.SUCCESS:
             self.close()
             raise UsageError(
-                f"connection.url {url!r} cannot be opened ({result.name}): check the address and who uses it"
+                f"connection.url {connection.url!r} cannot be opened ({result.name}): "
+                "check the address and who uses it"
             )
+        if self._link is not None:
+            self._link.start()
 
-    def discover(self, system_id: int) -> bool:
+    @property
+    def ignored(self) -> str:
+        """What the link ignored because it was not the autopilot's; empty where nothing was."""
+        return self._link.guard.offences if self._link is not None else ""
+
+    def take_notices(self) -> tuple[str, ...]:
+        """Return what the link has to tell since the last call."""
+        return self._link.guard.take_notices() if self._link is not None else ()
+
+    def discover(self) -> bool:
         """Return whether this vehicle's autopilot has been heard, and from then on listen to it."""
         for system in self._mavsdk.get_systems():
-            if system.get_system_id() == system_id and system.has_autopilot():
+            if system.get_system_id() == self._system_id and system.has_autopilot():
                 self._listen(system)
                 return True
         return False
@@ -158,10 +177,16 @@ class Vehicle:
 
     def close(self) -> None:
         """Release the connection; leaves no thread behind."""
+        if self._link is not None:
+            self._link.close()
         self._mavsdk.destroy()
 
+    def _pass_on(self, frames: bytes) -> None:
+        """Hand MAVSDK what the link has let in."""
+        self._mavsdk.pass_received_raw_bytes(frames)
+
     def _listen(self, system: Any) -> None:
-        self._autopilot = (system.get_system_id(), _AUTOPILOT_COMPONENT)
+        self._autopilot = (system.get_system_id(), AUTOPILOT_COMPONENT)
         self._action, self._param = Action(system), Param(system)
         self._direct, self._telemetry = MavlinkDirect(system), Telemetry(system)
         self._telemetry.subscribe_position_velocity_ned(self._on_position)
@@ -249,19 +274,14 @@ class Vehicle:
             raise PlatformError(f"the autopilot did not {what}: {result}{why}") from error
 
 
-def _probe(url: str) -> None:
-    """Find out whether the port is free: MAVSDK would share a taken one without a word."""
-    bound = check_url(url)
-    if bound is None:
-        return
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.bind(bound)
-        except OSError as error:
-            raise UsageError(
-                f"UDP {bound[0]}:{bound[1]} cannot be used ({error.strerror}): stop the program that "
-                "holds it (a ground station, another run), or give another connection.url"
-            ) from error
+def _udp_link(connection: Connection, hear: Callable[[bytes], None]) -> UdpLink | None:
+    """Open the link where it is UDP; on a cable or a TCP connection of its own MAVSDK does without."""
+    bound = check_url(connection.url)
+    address = bound or dialled(connection.url)
+    if address is None:
+        return None
+    signer = Signer(read_key(connection.signing_key)) if connection.signing_key else None
+    return UdpLink(address, connection.system_id, signer, hear, binds=bound is not None)
 
 
 def _to_logging(level: Any, message: str, _file: str | None, _line: int) -> bool:

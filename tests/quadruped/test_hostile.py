@@ -12,6 +12,7 @@ from adatracker_deploy.platform import ZERO
 from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_quadruped.camera import ZenohCamera
 from adatracker_quadruped.camera_topic import with_camera
+from adatracker_quadruped.hostile import payloads
 from adatracker_quadruped.keys import Keys
 from adatracker_quadruped.messages import (
     Imu,
@@ -40,26 +41,6 @@ GOOD = {
 }
 
 
-def hostile(good, seed):
-    """Rubbish, cut messages, huge lengths, a NaN in every place, and now and then a megabyte."""
-    rng = random.Random(seed)
-    nan = b"\x00\x00\x00\x00\x00\x00\xf8\x7f"
-    while True:
-        kind = rng.randrange(5)
-        if kind == 0:
-            yield rng.randbytes(rng.randrange(400))
-        elif kind == 1:
-            yield good[: rng.randrange(len(good))]
-        elif kind == 2:
-            at = rng.randrange(4, len(good) - 4)
-            yield good[:at] + b"\xff\xff\xff\xff" + good[at + 4 :]
-        elif kind == 3:
-            at = 4 + 8 * rng.randrange(max(1, (len(good) - 4) // 8))
-            yield (good[:at] + nan + good[at + 8 :])[: len(good)]
-        else:
-            yield good + bytes(rng.randrange(1, 1 << 20 if rng.random() < 0.001 else 64))
-
-
 def flood(session, key, good, pid):
     """Put them all on one key as fast as the link takes them; return by how many kB a process has grown.
 
@@ -71,9 +52,9 @@ def flood(session, key, good, pid):
     for _ in range(500):
         publisher.put(bytes(100_000))
     before_kb = memory_kb(pid)
-    payloads = hostile(good, seed=key)
+    rubbish = payloads(good, random.Random(key))
     for _ in range(PAYLOADS):
-        publisher.put(next(payloads))
+        publisher.put(next(rubbish))
     grew_kb = memory_kb(pid) - before_kb
     print(f"{key}: {PAYLOADS} payloads, {grew_kb} kB more")
     return grew_kb

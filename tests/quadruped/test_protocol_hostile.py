@@ -15,6 +15,7 @@ from adatracker_deploy.geometry import Pose
 from adatracker_deploy.perception.compressed_image import IMAGE_CAP_BYTES, CompressedImage
 from adatracker_deploy.platform import Twist
 from adatracker_quadruped import messages, protocol, sport
+from adatracker_quadruped.hostile import mutate
 from adatracker_quadruped.keys import attachment, parse_attachment
 from adatracker_quadruped.messages import Imu, Malformed, Odometry
 from tests.quadruped import cdr
@@ -39,30 +40,6 @@ CAPS = {
 DECODERS = pytest.mark.parametrize("decode", VALID, ids=lambda decode: decode.__name__)
 MESSAGES = pytest.mark.parametrize("decode", list(VALID)[:-1], ids=lambda decode: decode.__name__)
 """All but the attachment, which has one size."""
-HOSTILE_LENGTHS = [0, 1, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF, 0xFFFFFFFC, 4096, 1 << 24]
-HOSTILE_DOUBLES = [math.nan, math.inf, -math.inf, 1e308, -1e9, 5e-324]
-
-
-def mutate(valid, dice):
-    """Return what a stranger, a fault or a cut cable might make of a valid payload."""
-    payload = bytearray(valid)
-    match dice.randrange(6):
-        case 0:
-            return dice.randbytes(dice.randrange(1200))
-        case 1:
-            return valid[:4] + dice.randbytes(dice.randrange(1200))
-        case 2:
-            return valid[: dice.randrange(len(valid))]
-        case 3:
-            for _ in range(dice.randrange(1, 5)):
-                payload[dice.randrange(len(payload))] = dice.randrange(256)
-        case 4:
-            at = 4 * dice.randrange(len(payload) // 4)
-            struct.pack_into("<I", payload, at, dice.choice(HOSTILE_LENGTHS))
-        case 5:
-            at = 4 + 4 * dice.randrange(max(1, len(payload) // 4 - 3))
-            struct.pack_into("<d", payload, at, dice.choice(HOSTILE_DOUBLES))
-    return bytes(payload) + dice.randbytes(dice.choice([0, 0, 1, 64]))
 
 
 def numbers(value):

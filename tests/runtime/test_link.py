@@ -140,6 +140,19 @@ class Telling(FakePlatform):
         return replace(super().state(), **self.says)
 
 
+def test_what_the_robots_wire_has_to_tell_becomes_a_warning_in_every_phase():
+    class Noticing(FakePlatform):
+        def notices(self):
+            return ("a stranger was ignored",)
+
+    rig = Rig(Noticing)
+    rig.link.step(rig.clock.now_ns())
+    rig.driving()
+    told = [event.level for event in rig.link.drain_events() if event.message == "a stranger was ignored"]
+    assert len(told) >= 2
+    assert set(told) == {"warning"}
+
+
 @pytest.mark.parametrize(
     ("says", "reason", "phase"),
     [

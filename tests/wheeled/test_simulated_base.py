@@ -1,6 +1,7 @@
 """The simulated base keeps the rules of a real one: who may drive it, for how long, and what it says."""
 
 import dataclasses
+import itertools
 import random
 import resource
 
@@ -12,6 +13,7 @@ from wheeled_rig import base_profile
 from adatracker_deploy.platform import ZERO, Twist
 from adatracker_wheeled.base import Base
 from adatracker_wheeled.codec import Codec
+from adatracker_wheeled.hostile import frames
 from adatracker_wheeled.injection import FAULTS, INJECTION_ID, injection, parse_injection
 from adatracker_wheeled.protocol import CanFrame
 
@@ -208,9 +210,7 @@ def test_a_hundred_thousand_hostile_frames_move_nothing_and_fill_nothing(name):
     enables = {(frame.id, frame.data) for frame in drive.codec.enable()}
     drive.heard(0.1)
     before_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    for _ in range(100_000):
-        number = noise.choice(known) if noise.random() < 0.5 else noise.randrange(1 << 11)
-        frame = CanFrame(number, noise.randbytes(noise.randrange(9)))
+    for frame in itertools.islice(frames(known, noise), 100_000):
         if (frame.id, frame.data) not in enables:
             drive.base.receive(frame, drive.now_s)
         if drive.base.mode != "ours":

@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import itertools
 import random
 import resource
 import threading
@@ -24,6 +25,7 @@ from adatracker_deploy.errors import PlatformError, UsageError
 from adatracker_deploy.platform import Scenario, Twist
 from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_wheeled.far_end import FarEnd
+from adatracker_wheeled.hostile import frames
 from adatracker_wheeled.platform import WheeledPlatform
 from adatracker_wheeled.socketcand import SocketcandServer
 
@@ -362,15 +364,12 @@ def test_a_lost_bus_makes_disengage_say_so_once_and_close_still_works():
 def test_a_hundred_thousand_hostile_frames_move_nothing_and_fill_nothing(name):
     profile, noise = base_profile(name), random.Random(3)
     with tapped(profile) as (platform, far_end, tap):
-        known = [frame.arbitration_id for frame in until_heard(tap)]
+        known = [message.arbitration_id for message in until_heard(tap)]
         before_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        for count in range(100_000):
-            number = noise.choice(known) if count % 2 else noise.randrange(1 << 11)
-            message = can.Message(
-                arbitration_id=number, data=noise.randbytes(noise.randrange(9)), is_extended_id=False
-            )
+        for count, frame in enumerate(itertools.islice(frames(known, noise), 100_000)):
+            message = can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=False)
             if not tap.is_demand(message):  # whoever may command a base could rightly move it
-                tap.send(number, bytes(message.data))
+                tap.send(frame.id, frame.data)
             if count % 1000 == 0:  # the base's own frames come through all the same
                 asked_ns = platform.clock.now_ns()
                 until(lambda asked_ns=asked_ns: platform.state().t_ns > asked_ns)
@@ -378,8 +377,8 @@ def test_a_hundred_thousand_hostile_frames_move_nothing_and_fill_nothing(name):
         assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before_kb < 20_000
         assert far_end.far_end.body.wheels_m == (0.0, 0.0)
         assert not platform.state().engaged
-        (frames,) = [check for check in platform.preflight() if check.name == "frames"]
-        assert "malformed frames were dropped" in frames.message
+        (check,) = [check for check in platform.preflight() if check.name == "frames"]
+        assert "malformed frames were dropped" in check.message
 
 
 def until_heard(tap):

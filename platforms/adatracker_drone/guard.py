@@ -1,0 +1,109 @@
+"""Who is listened to on a MAVLink link: one autopilot at one address, signed where a key is set. Pure.
+
+The first HEARTBEAT of the autopilot that the profile names decides whose link it is. From then on datagrams
+from anywhere else are ignored and counted, and of that one address's nothing passes but whole frames of that
+autopilot's own, of the few messages that are understood here.
+"""
+
+from __future__ import annotations
+
+import enum
+from typing import TYPE_CHECKING
+
+from adatracker_drone.packets import HEARD, HEARTBEAT, Packet, split
+
+if TYPE_CHECKING:
+    from adatracker_drone.signing import Signer
+
+Address = tuple[str, int]
+
+AUTOPILOT_COMPONENT = 1
+"""MAV_COMP_ID_AUTOPILOT1."""
+
+
+class Ignored(enum.StrEnum):
+    """Why something that came was not passed on."""
+
+    STRANGER = "from an address that is not the autopilot's"
+    FORGED = "without a valid signature"
+    MALFORMED = "that are no MAVLink, or not whole, or whose text is not printable"
+    OTHER = "of other systems or of messages that are not needed"
+    """No offence: ground stations and gimbals share a drone's link."""
+
+
+_OFFENCES = (Ignored.STRANGER, Ignored.FORGED, Ignored.MALFORMED)
+
+
+class Guard:
+    """Judges what comes in, from one thread.
+
+    Args:
+        system: the autopilot's system id.
+        peer: its address where that is known beforehand, else None.
+        signer: of the link; None where nothing is signed.
+    """
+
+    def __init__(self, system: int, peer: Address | None = None, signer: Signer | None = None) -> None:
+        self.peer = peer
+        """The one that is listened to and spoken to; None until it is heard."""
+        self.judged = 0
+        """Datagrams so far."""
+        self.ignored = dict.fromkeys(Ignored, 0)
+        self._system = system
+        self._signer = signer
+        self._notices: list[str] = []
+
+    def admit(self, datagram: bytes, sender: Address, unix_ns: int) -> bytes:
+        """Return the frames of a datagram that may be listened to, one behind the other; often none.
+
+        Args:
+            datagram: as it came.
+            sender: its address.
+            unix_ns: now, since 1970; for signatures.
+        """
+        self.judged += 1
+        if self.peer is not None and sender != self.peer:
+            self._ignore(Ignored.STRANGER, sender)
+            return b""
+        size, believed = 0, []
+        for packet in split(datagram):
+            size += len(packet.data)
+            if why := self._fault(packet, unix_ns):
+                self._ignore(why, sender)
+            else:
+                believed.append(packet)
+        if size < len(datagram):
+            self._ignore(Ignored.MALFORMED, sender)
+        if self.peer is None and any(packet.message == HEARTBEAT for packet in believed):
+            self.peer = sender
+        return b"".join(packet.data for packet in believed) if self.peer is not None else b""
+
+    @property
+    def offences(self) -> str:
+        """What was ignored and should not have come, in words; empty where nothing was."""
+        told = [f"{self.ignored[why]} {why}" for why in _OFFENCES if self.ignored[why]]
+        return f"ignored: {', '.join(told)}" if told else ""
+
+    def take_notices(self) -> tuple[str, ...]:
+        """Return what is worth telling since the last call; from any thread."""
+        taken = tuple(self._notices)
+        del self._notices[: len(taken)]
+        return taken
+
+    def _fault(self, packet: Packet, unix_ns: int) -> Ignored | None:
+        if packet.system != self._system or packet.component != AUTOPILOT_COMPONENT:
+            return Ignored.OTHER
+        if packet.message not in HEARD:
+            return Ignored.OTHER
+        if not packet.is_whole or not packet.is_plain:
+            return Ignored.MALFORMED
+        if self._signer is not None and not self._signer.believes(packet, unix_ns):
+            return Ignored.FORGED
+        return None
+
+    def _ignore(self, why: Ignored, sender: Address) -> None:
+        """Count; tell of the first, the tenth, the hundredth..., so that a flood fills no log."""
+        count = self.ignored[why] = self.ignored[why] + 1
+        if why in _OFFENCES and str(count) == f"{10 ** (len(str(count)) - 1)}":
+            host, port = sender
+            self._notices.append(f"MAVLink: {count} ignored {why}; the last from {host}:{port}")

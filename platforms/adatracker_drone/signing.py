@@ -1,0 +1,79 @@
+"""The secret that both ends of a MAVLink link share, and what is believed and said with it."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+from adatracker_deploy.errors import UsageError
+from adatracker_drone.packets import (
+    KEY_BYTES,
+    TICK_NS,
+    Packet,
+    is_signed_with,
+    sign,
+    signature_of,
+    signing_time,
+)
+
+_LATE = 60 * 1_000_000_000 // TICK_NS
+"""A link that is heard for the first time may be a minute behind, as MAVLink's guide has it."""
+_LINK = 0
+_MOST_LINKS = 16
+
+
+def read_key(path: str) -> bytes:
+    """Read a signing key: a file of 32 bytes that nobody but its owner may read.
+
+    Raises:
+        UsageError: it is not there, is no such file, or others may read it.
+    """
+    place = f"connection: signing_key {path}"
+    try:
+        with Path(path).open("rb") as file:
+            status = os.fstat(file.fileno())
+            if not stat.S_ISREG(status.st_mode):
+                raise UsageError(f"{place}: is not a plain file")
+            if status.st_mode & (stat.S_IRWXG | stat.S_IRWXO):
+                raise UsageError(f"{place}: others may read or change it; chmod 600 it")
+            key = file.read(KEY_BYTES + 1)
+    except OSError as error:
+        raise UsageError(f"{place}: cannot be read ({error.strerror})") from error
+    if len(key) != KEY_BYTES:
+        raise UsageError(f"{place}: expected {KEY_BYTES} bytes, as head -c {KEY_BYTES} /dev/urandom makes")
+    if not any(key):
+        raise UsageError(f"{place}: 32 zeros are no secret")
+    return key
+
+
+class Signer:
+    """Signs what goes out and judges what comes in; time comes in as an argument."""
+
+    def __init__(self, key: bytes) -> None:
+        self._key = key
+        self._sent = 0
+        self._heard: dict[tuple[int, int, int], int] = {}
+        """The newest time of each link of each sender."""
+
+    def sign(self, frame: bytes, unix_ns: int) -> bytes:
+        """Return a MAVLink 2 frame, signed; no two have the same time."""
+        self._sent = max(self._sent + 1, signing_time(unix_ns))
+        return sign(frame, self._key, _LINK, self._sent)
+
+    def believes(self, packet: Packet, unix_ns: int) -> bool:
+        """Tell whether a packet was made with the key, and neither heard before nor recorded long ago.
+
+        A packet that is not believed changes nothing: a forged time cannot lock the true sender out.
+        """
+        if not packet.signed or not is_signed_with(packet, self._key):
+            return False
+        link, time = signature_of(packet)
+        sender = (packet.system, packet.component, link)
+        if sender in self._heard:
+            fresh = time > self._heard[sender]
+        else:
+            fresh = time + _LATE >= signing_time(unix_ns) and len(self._heard) < _MOST_LINKS
+        if fresh:
+            self._heard[sender] = time
+        return fresh

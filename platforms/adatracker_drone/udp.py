@@ -1,0 +1,168 @@
+"""A MAVLink link over UDP that this side owns, so that it can choose whom it listens to, and sign.
+
+MAVSDK's own UDP takes whatever reaches its port from anywhere, and signs nothing.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import select
+import socket
+import threading
+import time
+from typing import TYPE_CHECKING
+
+from adatracker_deploy.errors import UsageError
+from adatracker_drone.guard import Address, Guard
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from adatracker_drone.signing import Signer
+
+_LARGEST = 65535
+_LOOK_S = 0.1
+_QUEUE_BYTES = 1 << 20
+_MOST_AT_ONCE = 64
+_STRANGERS_S = 0.02
+"""Between two looks at what strangers sent: their flood costs a few per cent of a core, not all of it."""
+
+
+class UdpLink:
+    """One link, to one autopilot.
+
+    Once the autopilot is known its datagrams come to a socket of their own, which the kernel lets nobody else
+    into: a stranger's flood fills another queue, whose overflow the kernel drops uncounted.
+
+    Args:
+        address: to bind, or to dial.
+        system: the autopilot's system id.
+        signer: None where nothing is signed.
+        hear: called in the link's thread with whole frames.
+        binds: whether this side waits at `address` for the autopilot; otherwise it dials it.
+
+    Raises:
+        UsageError: the address cannot be bound or dialled.
+    """
+
+    def __init__(
+        self,
+        address: Address,
+        system: int,
+        signer: Signer | None,
+        hear: Callable[[bytes], None],
+        *,
+        binds: bool,
+    ) -> None:
+        self.guard = Guard(system, None if binds else address, signer)
+        self._signer = signer
+        self._hear = hear
+        self._unix_ns = time.time_ns() - time.monotonic_ns()
+        """A clock that is set while the link is up must not make signatures stale."""
+        self._sending = threading.Lock()
+        self._closed = False
+        self._strangers_s = 0.0
+        """When they are looked at next."""
+        self._sockets = [_bound(address) if binds else _dialling(address)]
+        self._spoken_to = None if binds else self._sockets[0]
+        self._thread = threading.Thread(target=self._listen, name="mavlink", daemon=True)
+
+    def start(self) -> None:
+        """Begin to listen."""
+        self._thread.start()
+
+    def send(self, frame: bytes) -> None:
+        """Send one frame to the autopilot, from any thread; nobody hears it before the autopilot is known."""
+        with self._sending:
+            if self._spoken_to is None or self._closed:
+                return
+            if self._signer is not None:
+                frame = self._signer.sign(frame, self._now_ns())
+            with contextlib.suppress(OSError):  # a full or absent receiver loses it, as on any radio
+                self._spoken_to.send(frame)
+
+    def close(self) -> None:
+        """End the thread and release the port; may be called twice."""
+        with self._sending:
+            self._closed = True
+        if self._thread.ident is not None:
+            self._thread.join()
+        for each in self._sockets:
+            each.close()
+
+    def _listen(self) -> None:
+        while not self._closed:
+            if self._spoken_to is None:
+                self._wait_and_read(self._sockets, _LOOK_S)
+            else:
+                self._wait_and_read([self._spoken_to], _STRANGERS_S)
+                if time.monotonic() > self._strangers_s and len(self._sockets) > 1:
+                    self._strangers_s = time.monotonic() + _STRANGERS_S
+                    self._read(self._sockets[-1])
+
+    def _wait_and_read(self, sockets: list[socket.socket], timeout_s: float) -> None:
+        for ready in select.select(sockets, [], [], timeout_s)[0]:
+            self._read(ready)
+
+    def _read(self, ready: socket.socket) -> None:
+        with contextlib.suppress(OSError):  # nothing left to read, or nobody there yet
+            for _ in range(_MOST_AT_ONCE):
+                datagram, sender = ready.recvfrom(_LARGEST)
+                frames = self.guard.admit(datagram, sender, self._now_ns())
+                if self._spoken_to is None and self.guard.peer is not None:
+                    self._pin(self.guard.peer)
+                if frames:
+                    self._hear(frames)
+
+    def _pin(self, peer: Address) -> None:
+        (gate,) = self._sockets
+        with self._sending:
+            self._spoken_to = _beside(gate, peer)
+        self._sockets.insert(0, self._spoken_to)
+
+    def _now_ns(self) -> int:
+        return self._unix_ns + time.monotonic_ns()
+
+
+def _bound(address: Address) -> socket.socket:
+    made = _socket()
+    try:
+        made.bind(address)
+    except OSError as error:
+        made.close()
+        raise UsageError(
+            f"UDP {address[0]}:{address[1]} cannot be used ({error.strerror}): stop the program that "
+            "holds it (a ground station, another run), or give another connection.url"
+        ) from error
+    return made
+
+
+def _dialling(address: Address) -> socket.socket:
+    made = _socket()
+    try:
+        made.connect(address)
+    except OSError as error:
+        made.close()
+        raise UsageError(
+            f"UDP {address[0]}:{address[1]} cannot be reached ({error.strerror}): correct connection.url"
+        ) from error
+    return made
+
+
+def _beside(gate: socket.socket, peer: Address) -> socket.socket:
+    """Return a socket at the same port for one peer alone, and let nobody else do the same."""
+    made = _socket()
+    for each in (gate, made):
+        each.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    made.bind(gate.getsockname())
+    for each in (gate, made):
+        each.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 0)
+    made.connect(peer)
+    return made
+
+
+def _socket() -> socket.socket:
+    made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    made.setblocking(False)
+    made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _QUEUE_BYTES)
+    return made
