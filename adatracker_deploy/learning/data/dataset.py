@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import copy
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from adatracker_deploy.errors import UsageError
+from adatracker_deploy.learning.data.search import search_labels
 from adatracker_deploy.learning.data.shard import Steps, read_shard, unpack_masks
 from adatracker_deploy.learning.embodiment import Embodiment
 from adatracker_deploy.learning.episode_spec import EpisodeSpec
@@ -96,6 +98,14 @@ class Dataset:
     def __len__(self) -> int:
         """Return the number of steps."""
         return len(self.steps)
+
+    def searching(self) -> Self:
+        """Return the same data, the expert's actions replaced by search labels where the target is gone."""
+        first = np.repeat(self._first, self._length)
+        labels = search_labels(self.steps.masks, self.steps.experts, first)
+        found = copy.copy(self)
+        found.steps = replace(self.steps, experts=labels)
+        return found
 
     def sample(self, rng: np.random.Generator, batch: int, length: int, history: int) -> Batch:
         """Draw sequences: an episode as likely as it is long, and in it a place to begin.

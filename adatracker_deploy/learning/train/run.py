@@ -140,7 +140,7 @@ class _Run:
         self._out = out
         self._learner = learner
         self._update = update
-        self._dataset = base
+        self._dataset = self._labelled(base)
         self._base_steps = len(base)
         self._workers = workers
         self._saved_s = time.monotonic()
@@ -179,7 +179,11 @@ class _Run:
         reward = float(visited.steps.rewards.mean())
         lost = float(visited.steps.done.sum() / len(visited.specs))
         say(f"round {number}: reward {reward:.3f} a step, {lost:.1%} of the episodes lost")
-        self._dataset = Dataset.open([*self._data, *folders])
+        self._dataset = self._labelled(Dataset.open([*self._data, *folders]))
+
+    def _labelled(self, data: Dataset) -> Dataset:
+        searches = self._settings.method == "dagger" and "no-search" not in self._settings.variants
+        return data.searching() if searches else data
 
     def _improve(self, end: int, curves: Curves, tell: Tell) -> None:
         """Make updates until `end`; the next batch is prepared while torch computes."""

@@ -10,7 +10,13 @@ from adatracker_deploy.schema import Range
 
 Method = Literal["dagger", "cql_sac"]
 Variant = Literal[
-    "no-identification", "no-dynamics", "no-consistency", "no-encoder", "no-lstm", "no-last-action"
+    "no-identification",
+    "no-dynamics",
+    "no-consistency",
+    "no-encoder",
+    "no-lstm",
+    "no-last-action",
+    "no-search",
 ]
 
 BURN_IN = 8
@@ -26,7 +32,8 @@ class TrainSettings:
     method: Method = "dagger"
     variants: tuple[Variant, ...] = ()
     """What is left out: the identification task (reward, height and our dynamics head), that head alone, the
-    consistency task, the encoder, the policy's LSTM, the last action as an input of the policy."""
+    consistency task, the encoder, the policy's LSTM, the last action as an input of the policy, the search
+    labels of DAgger (`data/search.py`)."""
     init: str | None = None
     """Folder of another run, whose weights this one begins with, heads and critics aside."""
     rate: Annotated[float, Range(1e-7, 1e-1)] | None = None
