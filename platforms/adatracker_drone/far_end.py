@@ -80,6 +80,7 @@ class FarEnd:
         seed: int,
         speed: float,
         addresses: list[tuple[str, int]],
+        *,
         key: bytes | None = None,
         orders: Orders | None = None,
     ) -> None:

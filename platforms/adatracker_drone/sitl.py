@@ -145,7 +145,7 @@ def _power_on(
     _require_libraries()
     from adatracker_drone.far_end import FarEnd
 
-    return FarEnd(settings, args.seed, args.speed, addresses, key, orders)
+    return FarEnd(settings, args.seed, args.speed, addresses, key=key, orders=orders)
 
 
 def _require_libraries() -> None:
