@@ -26,7 +26,7 @@ from collections import Counter
 from pathlib import Path
 from typing import NamedTuple
 
-from rehearsals import family, machine, rehearsal
+from rehearsals import family, favour_robot, machine, rehearsal
 
 from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.platform import Twist
@@ -36,6 +36,7 @@ from adatracker_deploy.runtime.link import RATE_HZ as LINK_HZ
 from adatracker_deploy.runtime.link import Link, Phase
 from adatracker_deploy.runtime.link_process import wall_timeouts
 from adatracker_deploy.runtime.pacer import Pacer
+from adatracker_deploy.runtime.scheduling import Scheduling
 from adatracker_deploy.trial_run import run_trial
 
 GROWTH, GROWTH_MB = 0.03, 3.0
@@ -57,7 +58,9 @@ class Sample(NamedTuple):
 class Silent:
     """Is told how a trial goes, and says nothing."""
 
-    def phase(self, text): ...
+    def phase(self, text):
+        if text.startswith("following"):
+            favour_robot()
 
     def step(self, record): ...
 
@@ -166,7 +169,7 @@ def trials(plan, count):
     return started_and_stopped(f"trials of {TICKS} ticks", plan, count, run)
 
 
-def long_run(platform, minutes, folder):
+def long_run(plan, minutes):
     """Run one trial, and look at its processes all the while; return whether all stayed flat."""
     series, ending = {}, threading.Event()
 
@@ -179,7 +182,7 @@ def long_run(platform, minutes, folder):
     thread.start()
     began_s = time.monotonic()
     try:
-        summary = run_trial(rehearsal(platform, folder, round(minutes * 60 * RATE_HZ)), Silent(), began_s)
+        summary = run_trial(plan, Silent(), began_s)
     finally:
         ending.set()
         thread.join()
@@ -194,7 +197,10 @@ def main():
     parser.add_argument("--trials", type=int, default=20)
     parser.add_argument("--minutes", type=float, default=30.0)
     parser.add_argument("--platform", default="wheeled")
+    parser.add_argument("--realtime", action="store_true", help="SCHED_FIFO for loop and link")
     options = parser.parse_args()
+    scheduling = Scheduling(options.realtime)
+    scheduling.check()
     print(f"{options.platform}, {time.strftime('%Y-%m-%d')}, {machine()}")
     flat = True
     with tempfile.TemporaryDirectory() as folder:
@@ -204,7 +210,9 @@ def main():
         if options.trials:
             flat &= trials(plan, options.trials)
         if options.minutes:
-            flat &= long_run(options.platform, options.minutes, Path(folder))
+            ticks = round(options.minutes * 60 * RATE_HZ)
+            plan = rehearsal(options.platform, Path(folder), ticks, scheduling=scheduling)
+            flat &= long_run(plan, options.minutes)
     print("\nflat" if flat else "\nNOT FLAT")
     raise SystemExit(0 if flat else 1)
 

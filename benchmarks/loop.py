@@ -3,7 +3,7 @@
 Run with ``python benchmarks/loop.py [--minutes 10] [--hogs 0 4] [--log yes no] [--realtime] [--cpu LIST]``.
 
 The simulated robot stands for a machine of its own: where the system allows, it is given precedence over all
-else here (nice -10). The hogs begin when the robot is followed, not before.
+else here (nice -18). The hogs begin when the robot is followed, not before.
 
 Every row is so many minutes of `run_trial`, far end and link included; a trial that ends sooner (a protective
 stop: a machine too busy is a reason for one) is followed by another. Times are those of the ticks
@@ -24,7 +24,7 @@ from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
-from rehearsals import cpu_hogs, family, favour, machine, rehearsal
+from rehearsals import cpu_hogs, favour_robot, machine, rehearsal
 
 from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.runtime.scheduling import Scheduling, read_cpus
@@ -48,9 +48,7 @@ class Recorder:
 
     def phase(self, text):
         if text.startswith("following"):
-            for pid, name in family(os.getpid()).items():
-                if name.startswith("robot"):
-                    favour(pid)
+            favour_robot()
             self._until.enter_context(cpu_hogs(self._hogs))
 
     def step(self, record):
