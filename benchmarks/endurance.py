@@ -6,7 +6,7 @@ a part that gets 0 is left out.
 All starts and stops are of one simulated robot that goes on running, as a real one would. A cycle connects,
 engages, drives, disengages and closes, with adapter and link in this process. A trial is a whole one of a few
 ticks: link, camera, perception, policy and log as well; its processes end with it, and none may be left. The
-long run is one trial; all its processes are looked at.
+long run is one trial, followed by another when a protective stop ends it; all processes are looked at.
 
 Flat is what does not grow between the second quarter and the last, median by median: memory by no more than
 `GROWTH` or `GROWTH_MB`, threads and files not at all.
@@ -170,24 +170,37 @@ def trials(plan, count):
 
 
 def long_run(plan, minutes):
-    """Run one trial, and look at its processes all the while; return whether all stayed flat."""
-    series, ending = {}, threading.Event()
+    """Drive for so long, and look at all processes all the while; return whether all stayed flat."""
+    series, endings, driven_s, missed = {}, Counter(), 0.0, 0
+    ending, clock = threading.Event(), MonotonicClock()
 
     def look():
         while not ending.wait(minutes * 60 / SAMPLES):
             for pid, name in {os.getpid(): "tracker", **family(os.getpid())}.items():
                 series.setdefault(name, []).append(sample(pid))
 
-    thread = threading.Thread(target=look)
-    thread.start()
-    began_s = time.monotonic()
-    try:
-        summary = run_trial(plan, Silent(), began_s)
-    finally:
-        ending.set()
-        thread.join()
-    flat = table(f"one trial of {summary['seconds'] / 60:.1f} of {minutes:g} min", series, COLUMNS)
-    print(f"  {summary['outcome']} {summary['reason']}, {summary['missed_deadlines']} slots missed")
+    with plan.platform.sitl(plan.profile) as far_end:
+        plan = dataclasses.replace(plan, profile=far_end.start(clock, plan.scenario), sitl=False)
+        thread = threading.Thread(target=look)
+        thread.start()
+        end_s = time.monotonic() + minutes * 60
+        try:
+            while (left_s := end_s - time.monotonic()) > 0:
+                try:
+                    steps = max(1, round(left_s * RATE_HZ))
+                    summary = run_trial(dataclasses.replace(plan, steps=steps), Silent(), 0.0)
+                except PlatformError as error:
+                    endings[str(error)] += 1
+                    continue
+                endings[summary["reason"] or summary["outcome"]] += 1
+                driven_s += summary["seconds"]
+                missed += summary["missed_deadlines"]
+        finally:
+            ending.set()
+            thread.join()
+    flat = table(f"{minutes:g} min, {driven_s / 60:.1f} of them driving", series, COLUMNS)
+    print(f"  ended: {', '.join(f'{number} x {end}' for end, number in endings.most_common())}")
+    print(f"  {missed} slots missed", flush=True)
     return flat
 
 
@@ -210,9 +223,7 @@ def main():
         if options.trials:
             flat &= trials(plan, options.trials)
         if options.minutes:
-            ticks = round(options.minutes * 60 * RATE_HZ)
-            plan = rehearsal(options.platform, Path(folder), ticks, scheduling=scheduling)
-            flat &= long_run(plan, options.minutes)
+            flat &= long_run(dataclasses.replace(plan, scheduling=scheduling), options.minutes)
     print("\nflat" if flat else "\nNOT FLAT")
     raise SystemExit(0 if flat else 1)
 
