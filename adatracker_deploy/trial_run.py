@@ -26,7 +26,7 @@ from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_deploy.runtime.link import LinkStatus, Phase
 from adatracker_deploy.runtime.link_process import LinkProcess
 from adatracker_deploy.runtime.loop import Ending, Loop
-from adatracker_deploy.runtime.scheduling import LOOP_PRIORITY, ORDINARY, Scheduling, obtained
+from adatracker_deploy.runtime.scheduling import ORDINARY, Scheduling, obtained
 from adatracker_deploy.trial.live_port import app_url, websocket_url
 from adatracker_deploy.trial.log import TrialLog
 from adatracker_deploy.trial.scored_steps import ScoredSteps
@@ -248,7 +248,7 @@ class _Trial:
         gc.collect()
         gc.freeze()  # a full collection of a warm process takes longer than a tick may be late
         try:
-            with plan.scheduling.of_this_thread(LOOP_PRIORITY):
+            with plan.scheduling.while_looping():
                 if plan.scheduling:
                     self._tell(f"loop: {obtained()}; link: {obtained(self.link.pid)}")
                 self.link.send(ZERO, self.clock.now_ns())  # what was just done may have taken a while

@@ -6,7 +6,7 @@ a part that gets 0 is left out.
 All starts and stops are of one simulated robot that goes on running, as a real one would. A cycle connects,
 engages, drives, disengages and closes, with adapter and link in this process. A trial is a whole one of a few
 ticks: link, camera, perception, policy and log as well; its processes end with it, and none may be left. The
-long run is one trial; all its processes are looked at.
+long run is one trial, followed by another when a protective stop ends it; all processes are looked at.
 
 Flat is what does not grow between the second quarter and the last, median by median: memory by no more than
 `GROWTH` or `GROWTH_MB`, threads and files not at all.
@@ -26,7 +26,7 @@ from collections import Counter
 from pathlib import Path
 from typing import NamedTuple
 
-from rehearsals import family, machine, rehearsal
+from rehearsals import family, favour_robot, machine, rehearsal
 
 from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.platform import Twist
@@ -36,6 +36,7 @@ from adatracker_deploy.runtime.link import RATE_HZ as LINK_HZ
 from adatracker_deploy.runtime.link import Link, Phase
 from adatracker_deploy.runtime.link_process import wall_timeouts
 from adatracker_deploy.runtime.pacer import Pacer
+from adatracker_deploy.runtime.scheduling import Scheduling
 from adatracker_deploy.trial_run import run_trial
 
 GROWTH, GROWTH_MB = 0.03, 3.0
@@ -57,7 +58,9 @@ class Sample(NamedTuple):
 class Silent:
     """Is told how a trial goes, and says nothing."""
 
-    def phase(self, text): ...
+    def phase(self, text):
+        if text.startswith("following"):
+            favour_robot()
 
     def step(self, record): ...
 
@@ -117,7 +120,6 @@ def started_and_stopped(title, plan, count, start_and_stop):
     clock = MonotonicClock()
     with plan.platform.sitl(plan.profile) as far_end:
         profile = far_end.start(clock, plan.scenario)
-        before = set(family(os.getpid()))
         for _ in range(count):
             cycle_s = time.monotonic()
             try:
@@ -128,7 +130,7 @@ def started_and_stopped(title, plan, count, start_and_stop):
             series["tracker"].append(sample(os.getpid()))
             series["robot"].append(sample(far_end.pid))
         after = family(os.getpid())
-        left = {name for pid, name in after.items() if pid not in before and not name.startswith("robot")}
+        left = {name for name in after.values() if name.startswith(("link", "log"))}
     seconds = time.monotonic() - began_s
     flat = table(f"{count} {title} in {seconds:.0f} s, the slowest {slowest_s:.1f} s", series, COLUMNS)
     print(f"  ended: {', '.join(f'{number} x {ending}' for ending, number in endings.most_common())}")
@@ -167,25 +169,38 @@ def trials(plan, count):
     return started_and_stopped(f"trials of {TICKS} ticks", plan, count, run)
 
 
-def long_run(platform, minutes, folder):
-    """Run one trial, and look at its processes all the while; return whether all stayed flat."""
-    series, ending = {}, threading.Event()
+def long_run(plan, minutes):
+    """Drive for so long, and look at all processes all the while; return whether all stayed flat."""
+    series, endings, driven_s, missed = {}, Counter(), 0.0, 0
+    ending, clock = threading.Event(), MonotonicClock()
 
     def look():
         while not ending.wait(minutes * 60 / SAMPLES):
             for pid, name in {os.getpid(): "tracker", **family(os.getpid())}.items():
                 series.setdefault(name, []).append(sample(pid))
 
-    thread = threading.Thread(target=look)
-    thread.start()
-    began_s = time.monotonic()
-    try:
-        summary = run_trial(rehearsal(platform, folder, round(minutes * 60 * RATE_HZ)), Silent(), began_s)
-    finally:
-        ending.set()
-        thread.join()
-    flat = table(f"one trial of {summary['seconds'] / 60:.1f} of {minutes:g} min", series, COLUMNS)
-    print(f"  {summary['outcome']} {summary['reason']}, {summary['missed_deadlines']} slots missed")
+    with plan.platform.sitl(plan.profile) as far_end:
+        plan = dataclasses.replace(plan, profile=far_end.start(clock, plan.scenario), sitl=False)
+        thread = threading.Thread(target=look)
+        thread.start()
+        end_s = time.monotonic() + minutes * 60
+        try:
+            while (left_s := end_s - time.monotonic()) > 0:
+                try:
+                    steps = max(1, round(left_s * RATE_HZ))
+                    summary = run_trial(dataclasses.replace(plan, steps=steps), Silent(), 0.0)
+                except PlatformError as error:
+                    endings[str(error)] += 1
+                    continue
+                endings[summary["reason"] or summary["outcome"]] += 1
+                driven_s += summary["seconds"]
+                missed += summary["missed_deadlines"]
+        finally:
+            ending.set()
+            thread.join()
+    flat = table(f"{minutes:g} min, {driven_s / 60:.1f} of them driving", series, COLUMNS)
+    print(f"  ended: {', '.join(f'{number} x {end}' for end, number in endings.most_common())}")
+    print(f"  {missed} slots missed", flush=True)
     return flat
 
 
@@ -195,7 +210,10 @@ def main():
     parser.add_argument("--trials", type=int, default=20)
     parser.add_argument("--minutes", type=float, default=30.0)
     parser.add_argument("--platform", default="wheeled")
+    parser.add_argument("--realtime", action="store_true", help="SCHED_FIFO for loop and link")
     options = parser.parse_args()
+    scheduling = Scheduling(options.realtime)
+    scheduling.check()
     print(f"{options.platform}, {time.strftime('%Y-%m-%d')}, {machine()}")
     flat = True
     with tempfile.TemporaryDirectory() as folder:
@@ -205,7 +223,7 @@ def main():
         if options.trials:
             flat &= trials(plan, options.trials)
         if options.minutes:
-            flat &= long_run(options.platform, options.minutes, Path(folder))
+            flat &= long_run(dataclasses.replace(plan, scheduling=scheduling), options.minutes)
     print("\nflat" if flat else "\nNOT FLAT")
     raise SystemExit(0 if flat else 1)
 

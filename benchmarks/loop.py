@@ -2,11 +2,11 @@
 
 Run with ``python benchmarks/loop.py [--minutes 10] [--hogs 0 4] [--log yes no] [--realtime] [--cpu LIST]``.
 
-The simulated robot stands for a machine of its own: where the system allows, it is given precedence over all
-else here (nice -10). The hogs begin when the robot is followed, not before.
+The simulated robot is started once a row and goes on running. It stands for a machine of its own: where the
+system allows, it is given precedence over all else here (nice -18). The hogs begin when the loop does.
 
-Every row is so many minutes of `run_trial`, far end and link included; a trial that ends sooner (a protective
-stop: a machine too busy is a reason for one) is followed by another. Times are those of the ticks
+Every row is so many minutes of `run_trial`, link, camera and perception included; a trial that ends sooner (a
+protective stop: a machine too busy is a reason for one) is followed by another. Times are those of the ticks
 as they are logged. The shortest interval is that between two set-points handed to the link, and in brackets
 that between two ticks, which is what the loop promises: half a period. The rate is ticks over time; without
 drift it is 20 Hz less what was missed.
@@ -20,13 +20,15 @@ import os
 import tempfile
 import time
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
-from rehearsals import cpu_hogs, family, favour, machine, rehearsal
+from rehearsals import cpu_hogs, favour_robot, machine, rehearsal
 
 from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_deploy.runtime.scheduling import Scheduling, read_cpus
 from adatracker_deploy.trial_run import run_trial
 
@@ -48,9 +50,6 @@ class Recorder:
 
     def phase(self, text):
         if text.startswith("following"):
-            for pid, name in family(os.getpid()).items():
-                if name.startswith("robot"):
-                    favour(pid)
             self._until.enter_context(cpu_hogs(self._hogs))
 
     def step(self, record):
@@ -77,12 +76,16 @@ class NoLog:
 def measured(platform, minutes, hogs, scheduling):
     """Run trials for so many minutes; return their ticks, trial by trial, and how they ended."""
     trials, endings = [], Counter()
-    left_s, give_up_s = minutes * 60, time.monotonic() + GIVE_UP * minutes * 60
-    with tempfile.TemporaryDirectory() as folder:
+    left_s, clock = minutes * 60, MonotonicClock()
+    with contextlib.ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        plan = rehearsal(platform, folder, 1, target_speed_m_s=0.0, scheduling=scheduling)
+        far_end = stack.enter_context(plan.platform.sitl(plan.profile))
+        plan = replace(plan, profile=far_end.start(clock, plan.scenario), sitl=False)
+        favour_robot()
+        give_up_s = time.monotonic() + GIVE_UP * minutes * 60
         while left_s > 1 and time.monotonic() < give_up_s:
-            plan = rehearsal(
-                platform, Path(folder), round(left_s * RATE_HZ), seed=len(endings), scheduling=scheduling
-            )
+            plan = replace(plan, steps=round(left_s * RATE_HZ))
             try:
                 with contextlib.ExitStack() as until:
                     recorder = Recorder(hogs, until)

@@ -100,15 +100,16 @@ def family(pid):
     return found
 
 
-def favour(pid):
-    """Let a process go before others, in all its threads; return whether the system allows it."""
-    try:
-        for task in Path(f"/proc/{pid}/task").iterdir():
-            with contextlib.suppress(ProcessLookupError):
-                os.setpriority(os.PRIO_PROCESS, int(task.name), -10)
-    except PermissionError:
-        return False
-    return True
+def favour_robot():
+    """Let this process's simulated robot go before others, where the system allows it.
+
+    It stands for a machine of its own, which no other process could keep from running.
+    """
+    for pid, name in family(os.getpid()).items():
+        if name.startswith("robot"):
+            for task in Path(f"/proc/{pid}/task").iterdir():
+                with contextlib.suppress(ProcessLookupError, PermissionError):
+                    os.setpriority(os.PRIO_PROCESS, int(task.name), -18)
 
 
 def machine() -> str:

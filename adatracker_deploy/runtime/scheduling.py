@@ -1,8 +1,13 @@
 """Real-time priority and cores for the threads that keep time: asked for, given, read back from the kernel.
 
 Linux gives both to a thread, and what a thread starts inherits them. The loop's thread takes them while it
-loops, so perception, the log's writer and a network's threads stay ordinary. The link takes them before it
-connects, so that its adapter's threads, which carry the same commands, have them too.
+loops. The link takes them before it connects, so that its adapter's threads, which carry the same commands,
+have them too.
+
+The loop's thread alone would gain little: it needs the interpreter's lock, and whoever holds that at an
+ordinary priority is kept from running by any busy process, and the loop with it. So the tracker's other
+Python threads (perception, the camera's reader) come before ordinary processes as well, behind the loop. A
+network's own threads, which never hold the lock, stay ordinary, and so does the log's writer.
 """
 
 from __future__ import annotations
@@ -10,6 +15,7 @@ from __future__ import annotations
 import contextlib
 import os
 import re
+import threading
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -19,9 +25,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from collections.abc import Set as AbstractSet
 
-LOOP_PRIORITY = 40
 LINK_PRIORITY = 45
-"""Of SCHED_FIFO, 1 to 99: the link before the loop, both below the kernel's interrupt threads (50)."""
+LOOP_PRIORITY = 40
+BESIDE_PRIORITY = 20
+"""Of SCHED_FIFO, 1 to 99: the link, the loop, and what shares its interpreter. Interrupts have 50."""
 MEND = "a line `USER - rtprio 50` in /etc/security/limits.d/rt.conf, then log in again"
 """How a user is allowed real-time priority."""
 
@@ -47,25 +54,27 @@ class Scheduling:
         Raises:
             UsageError: the system refuses it.
         """
-        with self.of_this_thread(LINK_PRIORITY):
-            pass
+        with _kept(0):
+            self.take(LINK_PRIORITY)
 
     @contextlib.contextmanager
-    def of_this_thread(self, priority: int) -> Iterator[None]:
-        """Have it in the calling thread, and give it back at the end.
+    def while_looping(self) -> Iterator[None]:
+        """Have it in the calling thread, and priority in those beside it; give it back at the end.
 
         Raises:
             UsageError: as `check`.
         """
-        policy, param, cpus = os.sched_getscheduler(0), os.sched_getparam(0), os.sched_getaffinity(0)
-        try:
-            self.take(priority)
+        with contextlib.ExitStack() as stack:
+            stack.enter_context(_kept(0))
+            self.take(LOOP_PRIORITY)
+            for thread in threading.enumerate() if self.realtime else ():
+                if thread is not threading.current_thread() and thread.native_id is not None:
+                    stack.enter_context(_kept(thread.native_id))
+                    with contextlib.suppress(ProcessLookupError):  # it has just ended
+                        os.sched_setscheduler(
+                            thread.native_id, os.SCHED_FIFO, os.sched_param(BESIDE_PRIORITY)
+                        )
             yield
-        finally:
-            if (os.sched_getscheduler(0), os.sched_getparam(0)) != (policy, param):
-                os.sched_setscheduler(0, policy, param)
-            if self.cpus:
-                os.sched_setaffinity(0, cpus)
 
     def take(self, priority: int) -> None:
         """Have it for good, in the calling thread and what it starts from now on.
@@ -86,6 +95,24 @@ class Scheduling:
 
 
 ORDINARY = Scheduling()
+
+
+@contextlib.contextmanager
+def _kept(thread: int) -> Iterator[None]:
+    """Give a thread back what it has now, whatever it was given meanwhile; 0 is the calling one."""
+    had = None
+    with contextlib.suppress(ProcessLookupError):
+        had = os.sched_getscheduler(thread), os.sched_getparam(thread), os.sched_getaffinity(thread)
+    try:
+        yield
+    finally:
+        if had is not None:
+            policy, param, cpus = had
+            with contextlib.suppress(ProcessLookupError):
+                if (os.sched_getscheduler(thread), os.sched_getparam(thread)) != (policy, param):
+                    os.sched_setscheduler(thread, policy, param)
+                if os.sched_getaffinity(thread) != cpus:
+                    os.sched_setaffinity(thread, cpus)
 
 
 def obtained(pid: int = 0) -> str:

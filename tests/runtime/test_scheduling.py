@@ -16,6 +16,7 @@ from adatracker_deploy.errors import UsageError
 from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_deploy.runtime.link_process import LinkProcess
 from adatracker_deploy.runtime.scheduling import (
+    BESIDE_PRIORITY,
     LINK_PRIORITY,
     LOOP_PRIORITY,
     Scheduling,
@@ -64,35 +65,53 @@ def test_what_is_no_list_of_cores_that_there_are_is_refused(text, words):
         read_cpus(text, {0, 1, 2, 3})
 
 
-def test_the_thread_that_asks_has_it_and_nobody_else_and_gives_it_back():
-    before, ready, done = obtained(), threading.Event(), threading.Event()
+@pytest.fixture
+def beside():
+    """Give the id of another thread of this interpreter."""
+    ready, done = threading.Event(), threading.Event()
 
-    def other():
+    def wait():
         ready.set()
         done.wait()
 
-    bystander = threading.Thread(target=other)
-    bystander.start()
+    thread = threading.Thread(target=wait)
+    thread.start()
     ready.wait()
-    with Scheduling(cpus=ONE).of_this_thread(LOOP_PRIORITY):
-        assert obtained() == f"ordinary priority {WHERE}"
-        assert os.sched_getaffinity(bystander.native_id) == USABLE
-    assert obtained() == before
+    yield thread.native_id
     done.set()
-    bystander.join()
+    thread.join()
+
+
+def test_the_loops_thread_has_its_cores_and_no_other_has_and_it_gives_them_back(beside):
+    before = obtained(), obtained(beside)
+    with Scheduling(cpus=ONE).while_looping():
+        assert obtained() == f"ordinary priority {WHERE}"
+        assert obtained(beside) == before[1]
+    assert (obtained(), obtained(beside)) == before
 
 
 @needs_permission
-def test_real_time_priority_is_had_and_given_back():
-    before = obtained()
-    with Scheduling(realtime=True, cpus=ONE).of_this_thread(LOOP_PRIORITY):
+def test_real_time_priority_is_the_loops_and_less_of_it_is_for_whoever_may_hold_its_interpreters_lock(beside):
+    before = obtained(), obtained(beside)
+    with Scheduling(realtime=True, cpus=ONE).while_looping():
         assert obtained() == f"SCHED_FIFO {LOOP_PRIORITY} {WHERE}"
-    assert obtained() == before
+        assert obtained(beside) == f"SCHED_FIFO {BESIDE_PRIORITY} on cores {cpus_text(USABLE)}"
+    assert (obtained(), obtained(beside)) == before
+
+
+@needs_permission
+def test_a_thread_that_ends_meanwhile_is_missed_by_nobody():
+    done = threading.Event()
+    thread = threading.Thread(target=done.wait)
+    thread.start()
+    with Scheduling(realtime=True).while_looping():
+        done.set()
+        thread.join()
 
 
 def test_nothing_asked_for_is_nothing_changed():
     before = obtained()
-    with Scheduling().of_this_thread(LOOP_PRIORITY):
+    with Scheduling().while_looping():
         assert obtained() == before
 
 
