@@ -74,13 +74,13 @@ class TrialPlan:
     dry_run: bool
     """Everything runs but the actuators; no robot is connected."""
     steps: int
+    live_port: int | None = None
+    """Where the live view listens, on this machine alone; None for none."""
     speed: float
     """Seconds of the run's clock per second of the machine's; 1 on real robots."""
     log_dir: Path
     scheduling: Scheduling = ORDINARY
     """Of the loop's thread and of the link."""
-    live_port: int | None = None
-    """Where the live view listens, on this machine alone; None for none."""
     faults: tuple[Strike, ...] = ()
     """What shall go wrong in a rehearsal, and when."""
 

@@ -65,12 +65,12 @@ def film_strip(trial: Trial, frames: int = 8) -> Image:
 
     Args:
         trial: as it was read.
-        frames: how many to show, evenly spaced over the steps.
+        frames: how many to show, evenly spaced over the steps whose frames are in the log.
 
     Raises:
         UsageError: the log has no steps, or no frames for them.
     """
-    shown = _evenly_spaced(trial.steps, frames)
+    shown = _evenly_spaced([step for step in trial.steps if step.frame_seq in trial.frame_seqs], frames)
     logged = {frame.seq: frame for frame in trial.frames({step.frame_seq for step in shown})}
     pairs = [(step, logged[step.frame_seq]) for step in shown if step.frame_seq in logged]
     if not pairs:

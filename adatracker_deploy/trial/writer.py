@@ -171,17 +171,8 @@ class TrialWriter:
         """Return what is to be written of a message; nothing, which is told, where it cannot be encoded."""
         try:
             match message:
-                case Step(wall_ns, captured_ns, record, picture):
-                    messages = []
-                    if picture is not None:
-                        try:
-                            rgb, mask = self._slots.get(picture)
-                            messages = self._encoder.picture(
-                                wall_ns, captured_ns, record.frame_seq, rgb, mask
-                            )
-                        finally:
-                            self._tell(Free(picture.slot))
-                    return messages + self._encoder.step(wall_ns, captured_ns, record)
+                case Step(wall_ns, captured_ns, record, _):
+                    return self._encode_picture(message) + self._encoder.step(wall_ns, captured_ns, record)
                 case LogLine(wall_ns, level, text):
                     return self._encoder.event(wall_ns, level, text)
                 case End(summary_json):
@@ -205,7 +196,8 @@ class TrialWriter:
             return
         try:
             self._view.show(messages)
-        except Exception as error:  # whatever a viewer does, the log goes on
+        except Exception as error:  # whatever becomes of the view, the log goes on
+            self._view.close()
             self._view = None
             text = f"the live view has ended: {error}"
             self._trial.write(self._encoder.event(time.time_ns(), "warning", text))
@@ -214,7 +206,11 @@ class TrialWriter:
         """Take and show what still comes, so that a log that failed looks no different to the loop."""
         with contextlib.suppress(EOFError):
             while True:
-                self._show(self._encode(self._post.receive(timeout_s=None)))
+                message = self._post.receive(timeout_s=None)
+                if self._view is not None:
+                    self._show(self._encode(message))
+                elif isinstance(message, Step) and message.picture is not None:
+                    self._tell(Free(message.picture.slot))
 
     def _tell(self, message: Ready | Free | Trouble) -> None:
         with contextlib.suppress(OSError):  # a tracker that has gone need not be told

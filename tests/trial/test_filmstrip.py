@@ -10,7 +10,7 @@ from adatracker_deploy.cli import main
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.trial.filmstrip import GREEN, LOST, film_strip
 from adatracker_deploy.trial.reader import read_trial
-from tests.trial.records import a_log, a_step, a_trial
+from tests.trial.records import a_frame, a_log, a_step, a_trial, an_observation
 
 
 def shows(picture, colour):
@@ -33,6 +33,20 @@ def test_more_frames_make_a_longer_strip_but_no_more_than_there_are(tmp_path):
 def test_a_trial_of_a_single_tick_without_truth_can_be_drawn(tmp_path):
     trial = read_trial(a_trial(tmp_path, [a_step(0, distance_m=None, bearing_rad=None)]))
     assert film_strip(trial).dtype == np.uint8
+
+
+def test_frames_that_were_dropped_leave_the_others_to_be_shown(tmp_path):
+    with a_log(tmp_path) as log:
+        for step in range(9):
+            if step in (0, 4, 8):  # which three frames would be
+                log._last_seq = step
+            log.step(a_step(step), a_frame(step), an_observation(step))
+    trial = read_trial(log.folder)
+    assert trial.frame_seqs == {1, 2, 3, 5, 6, 7}
+    assert (
+        film_strip(trial, 3).shape
+        == film_strip(read_trial(a_trial(tmp_path, map(a_step, range(9)))), 3).shape
+    )
 
 
 def test_a_log_without_frames_is_refused(tmp_path):

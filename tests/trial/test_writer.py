@@ -83,14 +83,16 @@ def test_at_the_end_the_file_is_synced_then_named_then_its_folder_is_synced(writ
 class TornView:
     """A live view that fails at the first message."""
 
+    closed = 0
+
     def __init__(self, port):
-        self.port = port
+        """Listen nowhere."""
 
     def show(self, messages):
         raise RuntimeError("the line is torn")
 
     def close(self):
-        """Nothing is open."""
+        TornView.closed += 1
 
 
 def test_a_live_view_that_fails_ends_and_the_log_goes_on_and_says_so(tmp_path, monkeypatch):
@@ -101,3 +103,4 @@ def test_a_live_view_that_fails_ends_and_the_log_goes_on_and_says_so(tmp_path, m
     trial = (tmp_path / "trial.mcap").read_bytes()
     assert [trial.count(f"event {number}".encode()) for number in range(3)] == [1, 1, 1]
     assert trial.count(b"the live view has ended: the line is torn") == 1
+    assert TornView.closed == 1
