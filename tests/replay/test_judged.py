@@ -68,6 +68,12 @@ def test_a_tick_that_came_late_lets_its_command_grow_old():
     assert judged(late).reasons()[Reason.STALE] == [9]
 
 
+def test_a_tick_that_lasts_for_years_stops_and_comes_to_an_end():
+    steps = moving(3)
+    found = judged([*steps[:2], dataclasses.replace(steps[2], t_ns=2**62)])
+    assert (found.stop, found.ticks[-1].step) == (Reason.COMMAND_LOST, 1)
+
+
 def test_ticks_behind_a_missing_one_are_not_judged():
     steps = moving(20)
     assert without_gaps([*steps[:7], *steps[9:]]) == steps[:7]
