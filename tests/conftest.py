@@ -18,7 +18,7 @@ hypothesis.settings.load_profile("busy")
 TESTS = Path(__file__).parent
 GROUPS = {
     "flights": ("drone", "e2e/test_faults.py", "e2e/test_operator", "e2e/test_rehearsal.py", "test_doctor"),
-    "ground": ("e2e/test_dry_run.py", "e2e/test_ground", "outside", "quadruped", "wheeled"),
+    "ground": ("e2e/test_dry_run.py", "e2e/test_field", "e2e/test_ground", "outside", "quadruped", "wheeled"),
 }
 MEASURED = "measured"
 
