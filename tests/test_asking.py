@@ -137,6 +137,7 @@ def test_a_real_robot_goes_on_only_when_told_and_what_was_said_is_in_the_results
         ((*REAL, "--trials", "3"), ["completed"], [], (1, 0)),  # nobody is there
         ((*REAL, "--trials", "3"), ["safety_stop"], ["g", "", "go"], (1, 1)),  # a stopped one is the last
         ((*REAL, "--trials", "3"), ["completed"], ["t", "", "", "go"], (1, 1)),  # and one that was taken over
+        ((*REAL, "--trials", "3"), ["safety_stop"], ["w", "", "", "go"], (1, 0)),  # whatever it is marked
         ((*REAL, "--trials", "3"), ["interrupted"], ["", "dog", "go"], (1, 130)),
         ((*REAL, "--trials", "2", "--no-ask"), ["completed"] * 2, ["t"], (2, 0)),
         ((*REAL, "--trials", "1"), ["completed"], ["t"], (1, 0)),

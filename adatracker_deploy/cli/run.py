@@ -178,14 +178,14 @@ def _run_all(plans: list[TrialPlan], args: argparse.Namespace, console: Console)
             if enter:
                 console.print("Enter or Ctrl-C stops")
             summary = run_trial(plan, Progress(console, plan.steps), started_s)
-        last = number == len(plans)
-        may_follow = partial(_may_follow, plan)
-        go_on = not last and may_follow(summary["outcome"])
+        ended, last = summary["outcome"], number == len(plans)
+        go_on = not last and _may_follow(plan, ended)
         if asks:
-            summary, go_on = asking.mark(summary, console, may_follow if go_on else None)
+            summary, go_on = asking.mark(summary, console, partial(_may_follow, plan) if go_on else None)
         summaries.append(summary)
         started_s = time.monotonic()
-        if not last and not may_follow(summary["outcome"]) and summary["outcome"] != "interrupted":
+        stopped = not (_may_follow(plan, ended) and _may_follow(plan, summary["outcome"]))
+        if stopped and not last and ended != "interrupted":
             console.print("no further trial: after a stop a real robot moves again only when it is told to")
         if not go_on:
             break

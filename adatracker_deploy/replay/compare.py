@@ -122,6 +122,7 @@ def context_apart(answers: Sequence[Answer]) -> Spread | None:
 
 
 def _bits(numbers: Numbers) -> np.ndarray[tuple[int], np.dtype[np.uint32]]:
-    values = np.array(numbers, np.float32)
+    with np.errstate(over="ignore"):  # what is larger than any float32 is none of a policy's
+        values = np.array(numbers, np.float32)
     values[np.isnan(values)] = np.nan  # the log does not tell one NaN from another
     return values.view(np.uint32)

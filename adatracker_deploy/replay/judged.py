@@ -85,6 +85,8 @@ def judge_again(steps: Sequence[StepRecord], limits: Limits) -> Judgement:
             state, verdict = judge(limits, state, setpoint, robot, now_ns)
             sent = verdict.twist
             reasons.update(verdict.reasons)
+            if state.stop is not None:  # nothing changes that, however long the tick
+                break
         ticks.append(Judged(step.step, sent, frozenset(reasons)))
         if state.stop is not None:
             return Judgement(tuple(ticks), state.stop.reason)

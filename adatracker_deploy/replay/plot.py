@@ -55,7 +55,7 @@ def command_plot(times_s: Sequence[float], logged: Sequence[Twist], replayed: Se
 
 
 def _chart(area: Image, name: str, times_s: Sequence[float], courses: Sequence[Sequence[float]]) -> None:
-    finite = [value for course in courses for value in course if math.isfinite(value)]
+    finite = [value for course in courses for value in course if _drawable(value)]
     low, high = min((0.0, *finite)), max((0.0, *finite))
     height, width = CHART_PX - 1, WIDTH_PX - LEFT_PX - GAP_PX
     span, duration_s = high - low or 1.0, times_s[-1] or 1.0
@@ -67,11 +67,16 @@ def _chart(area: Image, name: str, times_s: Sequence[float], courses: Sequence[S
     cv2.line(area, at(0, 0), at(duration_s, 0), FAINT, 1)
     for course, colour in zip(courses, (LOGGED, REPLAYED), strict=True):
         for (a_s, a), (b_s, b) in pairwise(zip(times_s, course, strict=True)):
-            if math.isfinite(a) and math.isfinite(b):
+            if _drawable(a) and _drawable(b):
                 cv2.line(area, at(a_s, a), at(b_s, b), colour, 1, cv2.LINE_AA)
     _write(area, name, (8, CHART_PX // 2), INK)
     _write(area, f"{high:.2f}", (LEFT_PX - 48, 14), INK)
     _write(area, f"{high - span:.2f}", (LEFT_PX - 48, CHART_PX - 4), INK)
+
+
+def _drawable(value: float) -> bool:
+    """Tell whether a velocity is one: damage in a log may be of any size."""
+    return math.isfinite(value) and abs(value) < 1e6
 
 
 def _write(image: Image, text: str, at: tuple[int, int], colour: Colour) -> None:

@@ -82,7 +82,11 @@ def read_marks(log: Path) -> tuple[Mark, ...]:
         document = yaml.safe_load(data)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise UsageError(f"{path}: not valid YAML: {' '.join(str(error).split())}") from error
-    return parse(_Document, document, where=str(path)).marks
+    try:
+        return parse(_Document, document, where=str(path)).marks
+    except UsageError as error:
+        told = str(error).removeprefix(f"{path}: ")  # what a mark itself refuses does not know its file
+        raise UsageError(f"{path}: {told}") from error
 
 
 def add_mark(log: Path, mark: Mark) -> tuple[Mark, ...]:
@@ -119,8 +123,9 @@ def said(mark: Mark) -> dict[str, Any]:
 
 
 def typed(text: str) -> str:
-    """Return a note as it was typed, cut to what a mark holds; bytes that are no UTF-8 become a "?"."""
-    return text.encode(errors="replace").decode().strip()[:LONGEST_NOTE]
+    """Return a note as one line that can be printed, cut to what a mark holds; the rest becomes blanks."""
+    line = "".join(letter if letter.isprintable() else " " for letter in text)
+    return line.strip()[:LONGEST_NOTE].strip()
 
 
 def now_utc() -> str:

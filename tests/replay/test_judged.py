@@ -68,6 +68,20 @@ def test_a_tick_that_came_late_lets_its_command_grow_old():
     assert judged(late).reasons()[Reason.STALE] == [9]
 
 
+def test_what_changed_a_command_for_a_part_of_its_tick_is_told():
+    steps = moving(20)
+    slower = dataclasses.replace(steps[10], command=Twist(vx=0.95))
+    found = judged([*steps[:10], slower, *steps[11:]], jerk_m_s3=200.0)
+    assert found.ticks[10].sent == Twist(vx=0.95)  # it has got there before the tick is over
+    assert Reason.ACCELERATION in found.ticks[10].reasons
+
+
+def test_a_tick_that_lasts_for_years_stops_and_comes_to_an_end():
+    steps = moving(3)
+    found = judged([*steps[:2], dataclasses.replace(steps[2], t_ns=2**62)])
+    assert (found.stop, found.ticks[-1].step) == (Reason.COMMAND_LOST, 1)
+
+
 def test_ticks_behind_a_missing_one_are_not_judged():
     steps = moving(20)
     assert without_gaps([*steps[:7], *steps[9:]]) == steps[:7]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import cv2
 import numpy as np
@@ -101,6 +102,16 @@ def test_another_policy_is_no_failure_and_how_far_it_is_off_is_told(capsys, tria
     assert picture.shape[1] == 1200
     for colour in ((190, 105, 33), (25, 110, 225)):  # blue and orange, as OpenCV reads them
         assert (picture == colour).all(axis=2).any()
+
+
+def test_what_damage_left_in_a_log_is_compared_and_drawn_like_the_rest(capsys, tmp_path):
+    trial = logged(tmp_path, PidPolicy(), observations(10))
+    data = trial.read_bytes()
+    number = re.search(rb'"action":\[(-?[0-9.]{12,}),', data)[1]
+    trial.write_bytes(data.replace(number, b"9e300".ljust(len(number))))
+    status, out, _ = replay(capsys, trial, "--plot", tmp_path / "plot.png", "--profile", "scout")
+    assert status == 1
+    assert "action[0]: logged 9e+300, now " in out
 
 
 def test_a_gap_is_said_and_what_is_before_it_compared(capsys, tmp_path):

@@ -59,7 +59,7 @@ def test_a_mark_shows_with_its_note_and_cuts_where_it_says(tmp_path, capsys):
     assert (row["outcome"], row["recorded_outcome"], row["mr"]) == ("takeover", "lost", 0.25)
     main(["mark", str(trial), "--outcome", "wrong_person", "--since", "0.25"])
     (row,) = index(tmp_path)
-    assert (row["outcome"], row["el"], row["mr"], row["notes"]) == ("wrong_person", 5, 1.0, ["at the\nkerb"])
+    assert (row["outcome"], row["el"], row["mr"], row["notes"]) == ("wrong_person", 5, 1.0, ["at the kerb"])
     capsys.readouterr()
     out = listed(capsys, tmp_path)[1].splitlines()
     assert "wrong_person, marked" in out[1]

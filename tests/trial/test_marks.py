@@ -12,7 +12,16 @@ from hypothesis import strategies as st
 
 from adatracker_deploy.cli import main
 from adatracker_deploy.errors import UsageError
-from adatracker_deploy.trial.marks import VERDICTS, Mark, add_mark, holding, marks_path, read_marks
+from adatracker_deploy.trial.marks import (
+    LONGEST_NOTE,
+    VERDICTS,
+    Mark,
+    add_mark,
+    holding,
+    marks_path,
+    read_marks,
+    typed,
+)
 from tests.report.pages import HOSTILE, Page, write_trial
 from tests.trial.records import a_step
 
@@ -150,7 +159,9 @@ def test_a_file_that_holds_no_marks_is_told_and_never_written_over(capsys, trial
     file.write_text(text)
     for command in (["score", str(trial)], ["mark", str(trial), "--outcome", "good"]):
         assert main(command) == 2
-        assert words in capsys.readouterr().err
+        err = capsys.readouterr().err
+        assert words in err
+        assert err.count(str(file)) == 1
     assert file.read_text() == text
 
 
@@ -163,10 +174,10 @@ def test_a_folder_that_cannot_be_written_is_told(trial, monkeypatch):
         add_mark(trial / "trial.mcap", Mark(at=AT, outcome="good"))
 
 
-NOTES = st.text(max_size=60)
+NOTES = st.text(max_size=60).map(typed)
 MARKS = st.one_of(
     st.builds(Mark, at=st.just(AT), outcome=st.sampled_from(VERDICTS), note=NOTES),
-    st.builds(Mark, at=st.just(AT), note=st.text(min_size=1, max_size=60)),
+    st.builds(Mark, at=st.just(AT), note=NOTES.filter(bool)),
     st.builds(
         Mark, at=st.just(AT), outcome=st.sampled_from(VERDICTS[1:]), since_s=st.floats(0, 1e6), note=NOTES
     ),
@@ -181,6 +192,15 @@ def test_what_was_said_is_read_back_as_it_was_said(tmp_path_factory, marks):
         assert add_mark(log, one) == tuple(marks[:number])
     assert read_marks(log) == tuple(marks)
     assert yaml.safe_load(marks_path(log).read_text())["marks"][-1]["at"] == AT
+
+
+@given(st.text(max_size=2100) | st.text("\x85\n\u2028\ud800\u202ea", max_size=20))
+def test_a_note_is_one_line_that_can_be_printed(text):
+    note = typed(text)
+    assert note.isprintable()
+    assert typed(note) == note
+    assert len(note) <= LONGEST_NOTE
+    note.encode()
 
 
 @given(marks=st.lists(MARKS, max_size=6))
