@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from adatracker_deploy.faults.matrix import Measure, Row
-    from adatracker_deploy.faults.witness import Testimony, Told
+    from adatracker_deploy.faults.witness import Account, Told
 
 MOVED_S = 0.5
 """A robot that was not told to move for so long before the onset stood already: that shows nothing."""
@@ -27,7 +27,7 @@ Verdict = Literal["ok", "LATE", "WRONG", "not shown"]
 class Evidence:
     """What a row left."""
 
-    testimony: Testimony
+    account: Account
     status: int | None
     """The command's exit status; None when it had to be killed."""
     outcome: str
@@ -81,30 +81,30 @@ def judge(
         accel_m_s2: the largest acceleration that the profile allows.
     """
     limit_s = row.limit_of(platform)
-    testimony, onset_ns = evidence.testimony, evidence.testimony.onset_ns(row.fault)
+    account, onset_ns = evidence.account, evidence.account.onset_ns(row.fault)
     verdict: Verdict = "WRONG"
     value_s, told_s, stands_s = None, None, None
     if onset_ns is None:
         note = f"it ended before: {evidence.reason or evidence.outcome or 'no word'}"
-    elif not _moved(testimony.commands, onset_ns):
+    elif not _moved(account.commands, onset_ns):
         note = "the robot was not moving at the onset"
     else:
-        told_s = _since(onset_ns, (told.t_ns for told in testimony.commands if told.moves))
-        stands_s = _since(onset_ns, (t_ns for t_ns, speed in testimony.speeds if speed > still_m_s))
+        told_s = _since(onset_ns, (told.t_ns for told in account.commands if told.moves))
+        stands_s = _since(onset_ns, (t_ns for t_ns, speed in account.speeds if speed > still_m_s))
         measures: dict[Measure, Callable[[], tuple[float | None, str]]] = {
             "told": lambda: (told_s, ""),
             "stands": lambda: (stands_s, ""),
             "latched": lambda: (evidence.latched_s, ""),
             "log": lambda: (0.0 if evidence.log_trouble else None, "" if evidence.log_trouble else "untold"),
-            "gap": lambda: _gap(testimony.commands, onset_ns),
+            "gap": lambda: _gap(account.commands, onset_ns),
             "burst": lambda: _burst(evidence.tick_gaps_s),
-            "acceleration": lambda: (round(_acceleration(testimony.commands, onset_ns) / accel_m_s2, 2), ""),
+            "acceleration": lambda: (round(_acceleration(account.commands, onset_ns) / accel_m_s2, 2), ""),
         }
         value_s, note = measures[row.measure]()
         fits = value_s is not None and (value_s >= limit_s if row.measure == "burst" else value_s <= limit_s)
         if evidence.outcome not in row.endings:
             note = f"ended as {evidence.outcome or 'nothing'}: {evidence.reason}"
-        elif not testimony.off:
+        elif not account.off:
             note = "the robot was not seen to come to rest"
         else:
             verdict = "ok" if fits else "LATE" if row.measure in ("told", "latched", "stands") else "WRONG"

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.faults.judge import Evidence, Result, judge
-from adatracker_deploy.faults.witness import FILE_NAME, Testimony, read_witness
+from adatracker_deploy.faults.witness import FILE_NAME, Account, read_witness
 from adatracker_deploy.platform import load_platform
 from adatracker_deploy.profile import load_profile
 from adatracker_deploy.trial.reader import find_trials, read_trial
@@ -68,7 +68,7 @@ def rehearse(row: Row, platform_name: str, says: str, stalls: Stalls, folder: Pa
         still_m_s=STILL_M_S["vz" in platform.axes],
         accel_m_s2=profile.limits.accel_m_s2,
     )
-    onset_ns = evidence.testimony.onset_ns(row.fault)
+    onset_ns = evidence.account.onset_ns(row.fault)
     until_ns = (onset_ns or time.monotonic_ns()) + round(
         (STALL_AFTER_S + min(result.told_s or 0.0, 2.0)) * 1e9
     )
@@ -99,8 +99,8 @@ def _evidence(row: Row, done: subprocess.CompletedProcess[str], folder: Path) ->
         (trial,) = {path if path.is_dir() else path.parent for path in find_trials(folder)}
     except (UsageError, ValueError):
         reason = " ".join(done.stderr.split())[-200:]
-        return Evidence(testimony=Testimony(), status=done.returncode, outcome="", reason=reason)
-    testimony = _testimony(trial / FILE_NAME)
+        return Evidence(account=Account(), status=done.returncode, outcome="", reason=reason)
+    account = _account(trial / FILE_NAME)
     logged = read_trial(trial)
     begins = [
         event.wall_ns for event in logged.events if event.message.startswith(f"fault: {row.fault} begins")
@@ -110,10 +110,10 @@ def _evidence(row: Row, done: subprocess.CompletedProcess[str], folder: Path) ->
         for event in logged.events
         if event.message.startswith(("holding: ", "disengaging: ")) and event.wall_ns > min(begins, default=0)
     ]
-    onset_ns = testimony.onset_ns(row.fault)
+    onset_ns = account.onset_ns(row.fault)
     ticks = [step.t_ns for step in logged.steps if onset_ns is not None and step.t_ns > onset_ns]
     return Evidence(
-        testimony=testimony,
+        account=account,
         status=done.returncode,
         outcome=summary.get("outcome", ""),
         reason=summary.get("reason", ""),
@@ -123,13 +123,13 @@ def _evidence(row: Row, done: subprocess.CompletedProcess[str], folder: Path) ->
     )
 
 
-def _testimony(path: Path) -> Testimony:
+def _account(path: Path) -> Account:
     """Return what the witness wrote, once its robot is at rest."""
     end_s = time.monotonic() + REST_S
     while True:
-        testimony = read_witness(path.read_text()) if path.exists() else Testimony()
-        if testimony.off or time.monotonic() > end_s:
-            return testimony
+        account = read_witness(path.read_text()) if path.exists() else Account()
+        if account.off or time.monotonic() > end_s:
+            return account
         time.sleep(POLL_S)
 
 
