@@ -15,8 +15,10 @@ if TYPE_CHECKING:
     from adatracker_deploy.faults.matrix import Measure, Row
     from adatracker_deploy.faults.witness import Account, Told
 
-MOVED_S = 0.5
+MOVED_S = 0.1
 """A robot that was not told to move for so long before the onset stood already: that shows nothing."""
+STILL_M_S = {True: 0.3, False: 0.05}
+"""Slower than this a robot stands, by whether it flies: a drone that hovers in wind is never quite still."""
 JITTER_S = 0.05
 """By how much two commands may be further apart, or nearer, than they were sent."""
 
@@ -39,6 +41,10 @@ class Evidence:
     """Between the loop's ticks, from the onset on."""
     log_trouble: bool = False
     """The run said that its log is not whole."""
+    log_whole: bool = True
+    """It is: the log has its end."""
+    exit_s: float = 0.0
+    """From the onset until the command had ended."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,7 +74,7 @@ class Result:
 
 
 def judge(
-    row: Row, platform: str, says: str, evidence: Evidence, *, still_m_s: float, accel_m_s2: float
+    row: Row, platform: str, says: str, evidence: Evidence, *, flies: bool, accel_m_s2: float
 ) -> Result:
     """Return what a row's evidence amounts to.
 
@@ -77,7 +83,7 @@ def judge(
         platform: whose evidence it is.
         says: what happened, for people.
         evidence: of the row.
-        still_m_s: slower than this the robot stands.
+        flies: the robot does: it hovers where others stand, and lands before the command ends.
         accel_m_s2: the largest acceleration that the profile allows.
     """
     limit_s = row.limit_of(platform)
@@ -90,7 +96,7 @@ def judge(
         note = "the robot was not moving at the onset"
     else:
         told_s = _since(onset_ns, (told.t_ns for told in account.commands if told.moves))
-        stands_s = _since(onset_ns, (t_ns for t_ns, speed in account.speeds if speed > still_m_s))
+        stands_s = _since(onset_ns, (t_ns for t_ns, speed in account.speeds if speed > STILL_M_S[flies]))
         measures: dict[Measure, Callable[[], tuple[float | None, str]]] = {
             "told": lambda: (told_s, ""),
             "stands": lambda: (stands_s, ""),
@@ -106,6 +112,10 @@ def judge(
             note = f"ended as {evidence.outcome or 'nothing'}: {evidence.reason}"
         elif not account.off:
             note = "the robot was not seen to come to rest"
+        elif row.measure != "log" and not evidence.log_whole:
+            note = "the log is not whole"
+        elif evidence.exit_s > row.exit_s and not flies:
+            verdict, note = "LATE", f"the command ended after {evidence.exit_s:.1f} s"
         else:
             verdict = "ok" if fits else "LATE" if row.measure in ("told", "latched", "stands") else "WRONG"
     went_on = row.measure in ("gap", "burst", "acceleration", "log")
@@ -117,7 +127,7 @@ def judge(
         why=row.why,
         value_s=value_s,
         told_s=None if went_on else told_s,
-        latched_s=evidence.latched_s,
+        latched_s=None if went_on else evidence.latched_s,
         stands_s=None if went_on else stands_s,
         outcome=evidence.outcome or "killed",
         verdict=verdict,

@@ -35,8 +35,6 @@ TIMEOUT_S = 120.0
 REST_S = 30.0
 """For a robot whose tracker was killed to come to rest, and its far end to say so."""
 POLL_S = 0.05
-STILL_M_S = {True: 0.3, False: 0.05}
-"""By whether it flies: a drone that hovers in wind is never quite still."""
 STALL_BEFORE_S, STALL_AFTER_S = 0.3, 1.0
 """About the onset: where a stall of the machine's could be taken for a late stop."""
 
@@ -59,13 +57,17 @@ def rehearse(row: Row, platform_name: str, says: str, stalls: Stalls, folder: Pa
         *("--platform", platform_name, "--sitl", "--fault", f"{row.fault}@{AT_S:g}", "--steps", str(steps)),
         *("--seed", str(SEED), "--segmenter", "truth", "--json", "--log-dir", str(folder)),
     )
+    ended_ns = time.monotonic_ns()
     evidence = _evidence(row, done, folder)
+    struck_ns = evidence.account.onset_ns(row.fault)
+    if struck_ns is not None:
+        evidence = replace(evidence, exit_s=(ended_ns - struck_ns) / 1e9)
     result = judge(
         row,
         platform_name,
         says,
         evidence,
-        still_m_s=STILL_M_S["vz" in platform.axes],
+        flies="vz" in platform.axes,
         accel_m_s2=profile.limits.accel_m_s2,
     )
     onset_ns = evidence.account.onset_ns(row.fault)
@@ -120,6 +122,7 @@ def _evidence(row: Row, done: subprocess.CompletedProcess[str], folder: Path) ->
         latched_s=(min(stops) - begins[0]) / 1e9 if stops and begins else None,
         tick_gaps_s=tuple((b - a) / 1e9 for a, b in itertools.pairwise(ticks)),
         log_trouble="the log is not whole" in done.stderr,
+        log_whole=logged.complete,
     )
 
 

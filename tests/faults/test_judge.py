@@ -31,7 +31,7 @@ def evidence(until_s=0.2, **changes):
 
 
 def judged(seen, row=STOP):
-    return judge(row, "wheeled", "gone", seen, still_m_s=0.05, accel_m_s2=1.5)
+    return judge(row, "wheeled", "gone", seen, flies=False, accel_m_s2=1.5)
 
 
 def test_a_stop_in_time_is_ok_and_measured_to_the_last_motion_command():
@@ -58,6 +58,7 @@ def test_motion_that_resumes_after_the_return_is_late_however_soon_it_stopped():
     ("changes", "note"),
     [
         ({"outcome": "completed"}, "ended as completed"),
+        ({"log_whole": False}, "the log is not whole"),
         ({"outcome": ""}, "ended as nothing"),
         ({"account": Account()}, "it ended before: no picture"),
         ({"account": replace(evidence().account, off=False)}, "was not seen to come to rest"),
@@ -122,3 +123,10 @@ def test_a_log_that_is_not_whole_must_be_told():
 def test_every_row_is_of_its_own():
     names = [row.fault for row in ROWS]
     assert len(set(names)) == len(names)
+
+
+def test_a_command_that_ends_late_is_late_unless_its_drone_lands():
+    row = replace(STOP, exit_s=2.0)
+    assert judged(evidence(exit_s=1.9), row).verdict == "ok"
+    assert judged(evidence(exit_s=2.1), row).verdict == "LATE"
+    assert judge(row, "drone", "", evidence(exit_s=9.0), flies=True, accel_m_s2=2.5).verdict == "ok"
