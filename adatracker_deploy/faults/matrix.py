@@ -59,7 +59,7 @@ ROWS = (
     Row("policy_hang", "told", 0.2, STOPPED),
     Row("tracker_stop", "told", 0.2, STOPPED),
     Row("tracker_kill", "told", 0.2, KILLED),
-    Row("link_stop", "stands", 2.0, STOPPED, {"drone": 3.0}, "the robot's own time-out, and braking"),
+    Row("link_stop", "stands", 2.0, STOPPED | TAKEN, {"drone": 3.0}, "the robot's own time-out, and braking"),
     Row("link_kill", "stands", 2.0, STOPPED, {"drone": 3.0}, "the robot's own time-out, and braking"),
     Row("interrupt", "told", 0.2, INTERRUPTED, exit_s=2.0),
     Row("terminate", "told", 0.2, INTERRUPTED, exit_s=2.0),
