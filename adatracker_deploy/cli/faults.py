@@ -39,10 +39,10 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "limit was missed. A row that goes wrong while the machine itself stands still is run again.",
     )
     parser.add_argument(
-        "--platform", action="append", metavar="NAME", help="this robot; again for more (default: all)"
+        "--platform", action="extend", nargs="+", metavar="NAME", help="these robots (default: all)"
     )
     parser.add_argument(
-        "--fault", action="append", metavar="NAME", help="this fault; again for more (default: all)"
+        "--fault", action="extend", nargs="+", metavar="NAME", help="these faults (default: all)"
     )
     parser.add_argument("--markdown", type=Path, metavar="FILE", help="write the table into this file too")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")

@@ -21,8 +21,9 @@ REFUSED = ("model_wrong_shape", "profile_malformed")
 def test_what_must_be_refused_is_refused_and_written_down(capsys, tmp_path):
     page = tmp_path / "page.md"
     page.write_text(f"{BEGIN}{END}")
-    asked = [word for name in REFUSED for word in ("--fault", name)]
-    assert main(["faults", "--platform", "wheeled", *asked, "--json", "--markdown", str(page)]) == 0
+    assert (
+        main(["faults", "--platform", "wheeled", "--fault", *REFUSED, "--json", "--markdown", str(page)]) == 0
+    )
     told = json.loads(capsys.readouterr().out)["faults"]
     assert [(one["fault"], one["platform"], one["verdict"], one["outcome"]) for one in told] == [
         (name, "wheeled", "ok", "exit 2") for name in REFUSED

@@ -8,8 +8,9 @@ from rich.console import Console
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.faults.judge import Result
 from adatracker_deploy.faults.matrix import NOT_SHOWN
-from adatracker_deploy.faults.table import BEGIN, END, results_table, write_markdown
+from adatracker_deploy.faults.table import BEGIN, END, markdown, results_table, write_markdown
 
+ABSENT = Result(platform="drone", fault="camera_gone", says="", limit="", note="there is no server")
 RESULTS = [
     Result(
         platform="wheeled",
@@ -37,7 +38,7 @@ RESULTS = [
         verdict="LATE",
         tries=3,
     ),
-    Result(platform="drone", fault="camera_gone", says="", limit="", note="there is no server"),
+    ABSENT,
 ]
 
 
@@ -72,6 +73,10 @@ def test_markdown_puts_robots_side_by_side_and_leaves_the_rest_of_the_file_alone
         "| `camera_gone` | it is gone | told 0.3 s; told 0.3 s: a promise | 0.21, stands 0.55 (0.01) | "
         "0.41, stands 0.90 (0.20) **LATE**: system_fault | not shown: there is no server |"
     )
+
+
+def test_what_the_first_robot_lacks_is_still_explained_by_another():
+    assert "| `camera_gone` | it is gone | told 0.3 s |" in markdown([ABSENT, RESULTS[0]], "2030-01-02")
 
 
 @pytest.mark.parametrize("text", ["", BEGIN, f"{END}{BEGIN}", END])
