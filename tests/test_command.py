@@ -49,6 +49,18 @@ def refused(capsys, *arguments: str) -> str:
         ((*DRONE, "--cpu", "0-9999"), "--cpu 0-9999: core"),
         ((*DRONE, "--cpu", "fast"), "'fast' is neither a core nor a range"),
         ((*DRONE, "--stpes", "5"), "--stpes"),
+        (("--platform", "drone", "--fault", "link_drop@5"), "--fault is for rehearsals"),
+        (("--platform", "drone", "--dry-run", "--fault", "link_drop@5"), "--fault is for rehearsals"),
+        (
+            (*DRONE, "--fault", "camera_gone@5"),
+            "unknown for this rehearsal; known are action_jump, battery_low",
+        ),
+        ((*DRONE, "--fault", "link_drop"), "expected NAME@SECONDS"),
+        ((*DRONE, "--fault", "link_drop@5", "--speed", "2"), "drop --speed"),
+        ((*DRONE, "--fault", "camera_freeze@5", "--camera", "world://snow_village"), "drop --camera"),
+        (("faults", "--fault", "earthquake"), "unknown to the matrix; known are action_jump"),
+        (("faults", "--platform", "submarine"), "unknown platform 'submarine'"),
+        (("faults", "--markdown", "no/such.md"), "--markdown no/such.md: cannot be read"),
         (("fly",), "fly"),
     ],
 )

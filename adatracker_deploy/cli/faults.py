@@ -39,10 +39,10 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "limit was missed. A row that goes wrong while the machine itself stands still is run again.",
     )
     parser.add_argument(
-        "--platform", action="append", metavar="NAME", help="this robot; again for more (default: all)"
+        "--platform", action="extend", nargs="+", metavar="NAME", help="these robots (default: all)"
     )
     parser.add_argument(
-        "--fault", action="append", metavar="NAME", help="this fault; again for more (default: all)"
+        "--fault", action="extend", nargs="+", metavar="NAME", help="these faults (default: all)"
     )
     parser.add_argument("--markdown", type=Path, metavar="FILE", help="write the table into this file too")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
@@ -125,16 +125,25 @@ def _absent(args: argparse.Namespace) -> list[Result]:
 
 
 def _robots(args: argparse.Namespace) -> list[tuple[str, dict[str, Fault]]]:
-    """Return each robot that was asked for, and what it can suffer."""
+    """Return each robot that was asked for, or every one that can be measured, and what it can suffer.
+
+    Raises:
+        UsageError: there is no such robot, or its far end takes no orders, to have a witness above all.
+    """
     from adatracker_deploy.faults.catalogue import known_faults
-    from adatracker_deploy.platform import load_platform, platform_names
+    from adatracker_deploy.platform import Sitl, load_platform, platform_names
     from adatracker_deploy.profile import load_profile
 
     robots = []
     for name in args.platform or platform_names():
         platform = load_platform(name)
         far_end = platform.sitl(load_profile(platform.default_profile, platform))
-        robots.append((name, known_faults(far_end.faults)))
+        if type(far_end).order is not Sitl.order:
+            robots.append((name, known_faults(far_end.faults)))
+        elif args.platform:
+            raise UsageError(
+                f"platform {name}: its far end takes no orders, so nothing can be measured at it"
+            )
     return robots
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Literal
 
@@ -13,10 +13,12 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from adatracker_deploy.faults.matrix import Measure, Row
-    from adatracker_deploy.faults.witness import Testimony, Told
+    from adatracker_deploy.faults.witness import Account, Told
 
-MOVED_S = 0.5
+MOVED_S = 0.1
 """A robot that was not told to move for so long before the onset stood already: that shows nothing."""
+STILL_M_S = {True: 0.3, False: 0.05}
+"""Slower than this a robot stands, by whether it flies: a drone that hovers in wind is never quite still."""
 JITTER_S = 0.05
 """By how much two commands may be further apart, or nearer, than they were sent."""
 
@@ -27,7 +29,7 @@ Verdict = Literal["ok", "LATE", "WRONG", "not shown"]
 class Evidence:
     """What a row left."""
 
-    testimony: Testimony
+    account: Account
     status: int | None
     """The command's exit status; None when it had to be killed."""
     outcome: str
@@ -39,6 +41,10 @@ class Evidence:
     """Between the loop's ticks, from the onset on."""
     log_trouble: bool = False
     """The run said that its log is not whole."""
+    log_whole: bool = True
+    """It is: the log has its end."""
+    exit_s: float = 0.0
+    """From the onset until the command had ended."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,7 +74,7 @@ class Result:
 
 
 def judge(
-    row: Row, platform: str, says: str, evidence: Evidence, *, still_m_s: float, accel_m_s2: float
+    row: Row, platform: str, says: str, evidence: Evidence, *, flies: bool, accel_m_s2: float
 ) -> Result:
     """Return what a row's evidence amounts to.
 
@@ -77,52 +83,64 @@ def judge(
         platform: whose evidence it is.
         says: what happened, for people.
         evidence: of the row.
-        still_m_s: slower than this the robot stands.
+        flies: the robot does: it hovers where others stand, and lands before the command ends.
         accel_m_s2: the largest acceleration that the profile allows.
     """
-    limit_s = row.limit_of(platform)
-    testimony, onset_ns = evidence.testimony, evidence.testimony.onset_ns(row.fault)
-    verdict: Verdict = "WRONG"
-    value_s, told_s, stands_s = None, None, None
-    if onset_ns is None:
-        note = f"it ended before: {evidence.reason or evidence.outcome or 'no word'}"
-    elif not _moved(testimony.commands, onset_ns):
-        note = "the robot was not moving at the onset"
-    else:
-        told_s = _since(onset_ns, (told.t_ns for told in testimony.commands if told.moves))
-        stands_s = _since(onset_ns, (t_ns for t_ns, speed in testimony.speeds if speed > still_m_s))
-        measures: dict[Measure, Callable[[], tuple[float | None, str]]] = {
-            "told": lambda: (told_s, ""),
-            "stands": lambda: (stands_s, ""),
-            "latched": lambda: (evidence.latched_s, ""),
-            "log": lambda: (0.0 if evidence.log_trouble else None, "" if evidence.log_trouble else "untold"),
-            "gap": lambda: _gap(testimony.commands, onset_ns),
-            "burst": lambda: _burst(evidence.tick_gaps_s),
-            "acceleration": lambda: (round(_acceleration(testimony.commands, onset_ns) / accel_m_s2, 2), ""),
-        }
-        value_s, note = measures[row.measure]()
-        fits = value_s is not None and (value_s >= limit_s if row.measure == "burst" else value_s <= limit_s)
-        if evidence.outcome not in row.endings:
-            note = f"ended as {evidence.outcome or 'nothing'}: {evidence.reason}"
-        elif not testimony.off:
-            note = "the robot was not seen to come to rest"
-        else:
-            verdict = "ok" if fits else "LATE" if row.measure in ("told", "latched", "stands") else "WRONG"
-    went_on = row.measure in ("gap", "burst", "acceleration", "log")
-    return Result(
+    limit_s, onset_ns = row.limit_of(platform), evidence.account.onset_ns(row.fault)
+    result = Result(
         platform=platform,
         fault=row.fault,
         says=says,
         limit=_limit(row, limit_s),
         why=row.why,
-        value_s=value_s,
-        told_s=None if went_on else told_s,
-        latched_s=evidence.latched_s,
-        stands_s=None if went_on else stands_s,
         outcome=evidence.outcome or "killed",
-        verdict=verdict,
-        note=note,
+        verdict="WRONG",
+        note=_shows_nothing(row, evidence, onset_ns),
     )
+    if onset_ns is None:
+        return result
+    commands, speeds = evidence.account.commands, evidence.account.speeds
+    told_s = _since(onset_ns, (told.t_ns for told in commands if told.moves))
+    stands_s = _since(onset_ns, (t_ns for t_ns, speed in speeds if speed > STILL_M_S[flies]))
+    measures: dict[Measure, Callable[[], tuple[float | None, str]]] = {
+        "told": lambda: (told_s, ""),
+        "stands": lambda: (stands_s, ""),
+        "latched": lambda: (evidence.latched_s, ""),
+        "log": lambda: (0.0 if evidence.log_trouble else None, "" if evidence.log_trouble else "untold"),
+        "gap": lambda: _gap(commands, onset_ns),
+        "burst": lambda: _burst(evidence.tick_gaps_s),
+        "acceleration": lambda: (round(_acceleration(commands, onset_ns) / accel_m_s2, 2), ""),
+    }
+    value_s, note = measures[row.measure]()
+    stops = row.measure in ("told", "latched", "stands")
+    result = replace(
+        result,
+        value_s=value_s,
+        told_s=told_s if stops else None,
+        latched_s=evidence.latched_s if stops else None,
+        stands_s=stands_s if stops else None,
+    )
+    if result.note:
+        return result
+    if evidence.exit_s > row.exit_s and not flies:
+        return replace(result, verdict="LATE", note=f"the command ended after {evidence.exit_s:.1f} s")
+    fits = value_s is not None and (value_s >= limit_s if row.measure == "burst" else value_s <= limit_s)
+    return replace(result, verdict="ok" if fits else "LATE" if stops else "WRONG", note=note)
+
+
+def _shows_nothing(row: Row, evidence: Evidence, onset_ns: int | None) -> str:
+    """Say why the evidence shows nothing, or something else; empty when it is of a stop like the row's."""
+    if onset_ns is None:
+        return f"it ended before: {evidence.reason or evidence.outcome or 'no word'}"
+    if not _moved(evidence.account.commands, onset_ns):
+        return "the robot was not moving at the onset"
+    if evidence.outcome not in row.endings:
+        return f"ended as {evidence.outcome or 'nothing'}: {evidence.reason}"
+    if not evidence.account.off:
+        return "the robot was not seen to come to rest"
+    if row.measure != "log" and not evidence.log_whole:
+        return "the log is not whole"
+    return ""
 
 
 def _gap(commands: tuple[Told, ...], onset_ns: int) -> tuple[float, str]:

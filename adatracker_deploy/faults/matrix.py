@@ -6,6 +6,7 @@ nothing can reach it any more, until the link has latched its stop, or until the
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -40,6 +41,8 @@ class Row:
     """Other limits of single platforms, s."""
     why: str = ""
     """What the limit is made of, where it is no round promise."""
+    exit_s: float = math.inf
+    """Within which the command must have ended, too; a drone lands first."""
 
     def limit_of(self, platform: str) -> float:
         """Return the limit that holds for a platform, s."""
@@ -56,10 +59,10 @@ ROWS = (
     Row("policy_hang", "told", 0.2, STOPPED),
     Row("tracker_stop", "told", 0.2, STOPPED),
     Row("tracker_kill", "told", 0.2, KILLED),
-    Row("link_stop", "stands", 2.0, STOPPED, {"drone": 3.0}, "the robot's own time-out, and braking"),
+    Row("link_stop", "stands", 2.0, STOPPED | TAKEN, {"drone": 3.0}, "the robot's own time-out, and braking"),
     Row("link_kill", "stands", 2.0, STOPPED, {"drone": 3.0}, "the robot's own time-out, and braking"),
-    Row("interrupt", "told", 0.2, INTERRUPTED),
-    Row("terminate", "told", 0.2, INTERRUPTED),
+    Row("interrupt", "told", 0.2, INTERRUPTED, exit_s=2.0),
+    Row("terminate", "told", 0.2, INTERRUPTED, exit_s=2.0),
     Row("link_drop", "latched", 0.3, STOPPED, {"wheeled": 0.2}),
     Row("robot_silent", "told", 0.3, STOPPED | TAKEN),
     Row("battery_low", "told", 2.0, STOPPED, why="1 s, and 1 s until it is told"),

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.faults.judge import Evidence, Result, judge
-from adatracker_deploy.faults.witness import FILE_NAME, Testimony, read_witness
+from adatracker_deploy.faults.witness import FILE_NAME, Account, read_witness
 from adatracker_deploy.platform import load_platform
 from adatracker_deploy.profile import load_profile
 from adatracker_deploy.trial.reader import find_trials, read_trial
@@ -35,8 +35,6 @@ TIMEOUT_S = 120.0
 REST_S = 30.0
 """For a robot whose tracker was killed to come to rest, and its far end to say so."""
 POLL_S = 0.05
-STILL_M_S = {True: 0.3, False: 0.05}
-"""By whether it flies: a drone that hovers in wind is never quite still."""
 STALL_BEFORE_S, STALL_AFTER_S = 0.3, 1.0
 """About the onset: where a stall of the machine's could be taken for a late stop."""
 
@@ -59,16 +57,20 @@ def rehearse(row: Row, platform_name: str, says: str, stalls: Stalls, folder: Pa
         *("--platform", platform_name, "--sitl", "--fault", f"{row.fault}@{AT_S:g}", "--steps", str(steps)),
         *("--seed", str(SEED), "--segmenter", "truth", "--json", "--log-dir", str(folder)),
     )
+    ended_ns = time.monotonic_ns()
     evidence = _evidence(row, done, folder)
+    struck_ns = evidence.account.onset_ns(row.fault)
+    if struck_ns is not None:
+        evidence = replace(evidence, exit_s=(ended_ns - struck_ns) / 1e9)
     result = judge(
         row,
         platform_name,
         says,
         evidence,
-        still_m_s=STILL_M_S["vz" in platform.axes],
+        flies="vz" in platform.axes,
         accel_m_s2=profile.limits.accel_m_s2,
     )
-    onset_ns = evidence.testimony.onset_ns(row.fault)
+    onset_ns = evidence.account.onset_ns(row.fault)
     until_ns = (onset_ns or time.monotonic_ns()) + round(
         (STALL_AFTER_S + min(result.told_s or 0.0, 2.0)) * 1e9
     )
@@ -99,8 +101,8 @@ def _evidence(row: Row, done: subprocess.CompletedProcess[str], folder: Path) ->
         (trial,) = {path if path.is_dir() else path.parent for path in find_trials(folder)}
     except (UsageError, ValueError):
         reason = " ".join(done.stderr.split())[-200:]
-        return Evidence(testimony=Testimony(), status=done.returncode, outcome="", reason=reason)
-    testimony = _testimony(trial / FILE_NAME)
+        return Evidence(account=Account(), status=done.returncode, outcome="", reason=reason)
+    account = _account(trial / FILE_NAME)
     logged = read_trial(trial)
     begins = [
         event.wall_ns for event in logged.events if event.message.startswith(f"fault: {row.fault} begins")
@@ -110,26 +112,27 @@ def _evidence(row: Row, done: subprocess.CompletedProcess[str], folder: Path) ->
         for event in logged.events
         if event.message.startswith(("holding: ", "disengaging: ")) and event.wall_ns > min(begins, default=0)
     ]
-    onset_ns = testimony.onset_ns(row.fault)
+    onset_ns = account.onset_ns(row.fault)
     ticks = [step.t_ns for step in logged.steps if onset_ns is not None and step.t_ns > onset_ns]
     return Evidence(
-        testimony=testimony,
+        account=account,
         status=done.returncode,
         outcome=summary.get("outcome", ""),
         reason=summary.get("reason", ""),
         latched_s=(min(stops) - begins[0]) / 1e9 if stops and begins else None,
         tick_gaps_s=tuple((b - a) / 1e9 for a, b in itertools.pairwise(ticks)),
         log_trouble="the log is not whole" in done.stderr,
+        log_whole=logged.complete,
     )
 
 
-def _testimony(path: Path) -> Testimony:
+def _account(path: Path) -> Account:
     """Return what the witness wrote, once its robot is at rest."""
     end_s = time.monotonic() + REST_S
     while True:
-        testimony = read_witness(path.read_text()) if path.exists() else Testimony()
-        if testimony.off or time.monotonic() > end_s:
-            return testimony
+        account = read_witness(path.read_text()) if path.exists() else Account()
+        if account.off or time.monotonic() > end_s:
+            return account
         time.sleep(POLL_S)
 
 

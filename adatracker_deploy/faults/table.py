@@ -103,7 +103,7 @@ def markdown(results: Sequence[Result], day: str) -> str:
     for fault in dict.fromkeys(result.fault for result in results):
         of_it = {result.platform: result for result in results if result.fault == fault}
         limits = "; ".join(dict.fromkeys(_allowed(result) for result in of_it.values() if result.limit))
-        says = next(iter(of_it.values())).says
+        says = next((result.says for result in of_it.values() if result.says), "")
         fields = (_field(of_it[robot]) if robot in of_it else "" for robot in robots)
         lines.append(f"| `{fault}` | {says} | {limits} | {' | '.join(fields)} |")
     lines += ["", "Not shown in a rehearsal:", ""]

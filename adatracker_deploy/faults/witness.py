@@ -90,7 +90,7 @@ class Told:
 
 
 @dataclass(frozen=True, slots=True)
-class Testimony:
+class Account:
     """All that a witness wrote, in the order of time."""
 
     commands: tuple[Told, ...] = ()
@@ -106,7 +106,7 @@ class Testimony:
         return next((t_ns for t_ns, found, begins in self.faults if begins and found == name), None)
 
 
-def read_witness(text: str) -> Testimony:
+def read_witness(text: str) -> Account:
     """Read what a witness wrote; a last line that is not whole counts as none."""
     commands: list[Told] = []
     speeds: list[tuple[int, float]] = []
@@ -125,6 +125,6 @@ def read_witness(text: str) -> Testimony:
                     faults.append((t_ns, values[0], what == "begin"))
                 case "off":
                     off = True
-    return Testimony(
+    return Account(
         tuple(sorted(commands, key=lambda told: told.t_ns)), tuple(sorted(speeds)), tuple(sorted(faults)), off
     )

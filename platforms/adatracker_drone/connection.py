@@ -28,7 +28,7 @@ class Connection:
     connect_timeout_s: Annotated[float, Range(1, 120)] = 10.0
     ready_timeout_s: Annotated[float, Range(0, 300)] = 20.0
     """How long the preflight waits for sensors, position and home."""
-    telemetry_timeout_s: Annotated[float, Range(0.1, 5)] = 0.3
+    telemetry_timeout_s: Annotated[float, Range(0.1, 5)] = 0.27
     """Without a position for this long the drone is flown no further."""
 
     def __post_init__(self) -> None:

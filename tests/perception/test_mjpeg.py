@@ -85,6 +85,13 @@ def test_a_published_frame_is_seen_with_its_truth_at_the_time_of_its_arrival(ser
     assert np.array_equal(frame.truth.mask, TRUTH.mask)
 
 
+def test_what_is_no_rehearsal_may_number_its_pictures_as_it_likes(server, opened):
+    server.publish(Frame(picture(0), 0, 50))
+    camera = opened(server.url)
+    server.publish(Frame(picture(1), 0, 50))
+    until(lambda: newest(camera).seq == 2)
+
+
 def test_frames_are_numbered_by_the_camera_and_never_from_the_future(server, opened):
     server.publish(Frame(picture(0), 0, 50))
     camera = opened(server.url)

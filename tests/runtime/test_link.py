@@ -262,6 +262,7 @@ def test_its_time_outs_stay_in_machine_time_at_any_speed():
     limits = wall_timeouts(fake_profile().limits, 5.0)
     assert limits.command_timeout_s == pytest.approx(5 * fake_profile().limits.command_timeout_s)
     assert limits.state_timeout_s == pytest.approx(5 * fake_profile().limits.state_timeout_s)
+    assert limits.sight_timeout_s == pytest.approx(5 * fake_profile().limits.sight_timeout_s)
     assert limits.forward_m_s == fake_profile().limits.forward_m_s
 
 

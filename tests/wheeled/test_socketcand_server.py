@@ -212,3 +212,18 @@ def test_python_can_reads_the_line_that_tells_of_a_frame(frame):
         frame.extended,
         1.5,
     )
+
+
+def test_a_cable_that_is_cut_hangs_up_lets_nobody_in_and_can_be_mended(server):
+    with contextlib.closing(socket.create_connection(("127.0.0.1", server.port))) as one:
+        one.settimeout(2.0)
+        assert one.recv(16) == b"< hi >"
+        server.cut(True)
+        assert one.recv(16) == b""
+        with contextlib.closing(socket.create_connection(("127.0.0.1", server.port))) as late:
+            late.settimeout(2.0)
+            assert late.recv(16) == b""
+    server.cut(False)
+    with client(server) as bus:
+        server.send(CanFrame(0x221, bytes(8)))
+        assert bus.recv(2.0).arbitration_id == 0x221

@@ -1,0 +1,20 @@
+"""A machine that stands still is noticed, at the time when it did."""
+
+from __future__ import annotations
+
+import ctypes
+import threading
+import time
+
+from adatracker_deploy.faults.stalls import Stalls
+
+
+def test_an_interpreter_that_stands_still_is_noticed_then_and_not_before():
+    with Stalls() as stalls:
+        before_ns = time.monotonic_ns()
+        while True:  # the watcher sleeps by now, and is due
+            ctypes.PyDLL(None).usleep(80_000)  # which keeps the interpreter's lock
+            threading.Event().wait(0.02)
+            if stalls.largest_s(before_ns, time.monotonic_ns()) > 0.05:
+                break
+    assert stalls.largest_s(0, before_ns - 10_000_000_000) == 0.0

@@ -1,0 +1,93 @@
+"""The table names every row; its Markdown replaces one marked section and nothing else."""
+
+from __future__ import annotations
+
+import pytest
+from rich.console import Console
+
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.faults.judge import Result
+from adatracker_deploy.faults.matrix import NOT_SHOWN
+from adatracker_deploy.faults.table import BEGIN, END, markdown, results_table, write_markdown
+
+ABSENT = Result(platform="drone", fault="camera_gone", says="", limit="", note="there is no server")
+RESULTS = [
+    Result(
+        platform="wheeled",
+        fault="camera_gone",
+        says="it is gone",
+        limit="told 0.3 s",
+        value_s=0.21,
+        told_s=0.21,
+        stands_s=0.55,
+        stall_s=0.012,
+        outcome="system_fault",
+        verdict="ok",
+    ),
+    Result(
+        platform="quadruped",
+        fault="camera_gone",
+        says="it is gone",
+        limit="told 0.3 s",
+        why="a promise",
+        value_s=0.41,
+        told_s=0.41,
+        stands_s=0.9,
+        stall_s=0.2,
+        outcome="system_fault",
+        verdict="LATE",
+        tries=3,
+    ),
+    ABSENT,
+]
+
+
+def shown(results) -> str:
+    console = Console(width=80, record=True, file=None, quiet=False)
+    with console.capture() as capture:
+        console.print(results_table(results))
+    return capture.get()
+
+
+def test_a_terminal_of_80_columns_shows_everything():
+    text = shown(RESULTS)
+    assert "camera_gone wheeled   told 0.3 s 0.21" in text
+    assert "LATE (3)" in text
+    assert "drone camera_gone: there is no server" in text
+    assert all(f"{name}: " in text for name in NOT_SHOWN)
+    assert "…" not in text
+
+
+def test_markdown_puts_robots_side_by_side_and_leaves_the_rest_of_the_file_alone(tmp_path):
+    path = tmp_path / "safety.md"
+    path.write_text(f"# Before\n\n{BEGIN}\nold\n{END}\n\nAfter\n")
+    for _ in range(2):  # and again: nothing piles up
+        write_markdown(path, RESULTS, "2030-01-02")
+    text = path.read_text()
+    assert text.startswith(f"# Before\n\n{BEGIN}\nMeasured on 2030-01-02")
+    assert text.endswith(f"{END}\n\nAfter\n")
+    assert "\nold\n" not in text
+    assert "| fault | what happens | limit | wheeled | quadruped | drone |" in text
+    (line,) = (line for line in text.splitlines() if line.startswith("| `camera_gone`"))
+    assert line == (
+        "| `camera_gone` | it is gone | told 0.3 s; told 0.3 s: a promise | 0.21, stands 0.55 (0.01) | "
+        "0.41, stands 0.90 (0.20) **LATE**: system_fault | not shown: there is no server |"
+    )
+
+
+def test_what_the_first_robot_lacks_is_still_explained_by_another():
+    assert "| `camera_gone` | it is gone | told 0.3 s |" in markdown([ABSENT, RESULTS[0]], "2030-01-02")
+
+
+@pytest.mark.parametrize("text", ["", BEGIN, f"{END}{BEGIN}", END])
+def test_a_file_without_the_section_is_refused_and_left_alone(tmp_path, text):
+    path = tmp_path / "safety.md"
+    path.write_text(text)
+    with pytest.raises(UsageError, match="has no section between"):
+        write_markdown(path, RESULTS, "2030-01-02")
+    assert path.read_text() == text
+
+
+def test_a_file_that_is_not_there_is_refused(tmp_path):
+    with pytest.raises(UsageError, match="cannot be read"):
+        write_markdown(tmp_path / "none.md", RESULTS, "2030-01-02")

@@ -1,0 +1,67 @@
+"""What a witness writes is read again: in the order of time, whoever wrote it, up to the last whole line."""
+
+from __future__ import annotations
+
+import math
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from adatracker_deploy.faults.witness import Account, Told, Witness, read_witness
+from adatracker_deploy.platform import ZERO, Twist
+
+
+def test_what_two_processes_write_is_one_story(tmp_path):
+    path = tmp_path / "witness.txt"
+    robot, tracker = Witness(path), Witness(path)
+    robot.command(Twist(0.5, 0.0, 0.1, -0.25))
+    tracker.fault("link_drop", begins=True)
+    robot.speed(0.48)
+    robot.command(ZERO)
+    tracker.fault("link_drop", begins=False)
+    robot.off()
+    robot.close()
+    tracker.close()
+    account = read_witness(path.read_text())
+    told, zero = account.commands
+    assert (told.vx, told.vy, told.vz, told.yaw_rate, told.moves) == (0.5, 0.0, 0.1, -0.25, True)
+    assert not zero.moves
+    assert [(name, begins) for _, name, begins in account.faults] == [
+        ("link_drop", True),
+        ("link_drop", False),
+    ]
+    onset_ns = account.onset_ns("link_drop")
+    assert told.t_ns <= onset_ns <= account.speeds[0][0] <= zero.t_ns
+    assert account.speeds[0][1] == 0.48
+    assert account.off
+    assert account.onset_ns("camera_gone") is None
+    assert path.stat().st_mode & 0o077 == 0
+
+
+def test_one_without_a_file_and_one_that_was_closed_write_nothing(tmp_path):
+    path = tmp_path / "witness.txt"
+    for witness in (Witness(), Witness(path)):
+        witness.close()
+        witness.close()
+        witness.command(Twist(1.0))
+    assert path.read_text() == ""
+
+
+def test_climbing_is_no_motion_over_the_ground_and_what_is_not_finite_is():
+    assert not Told(0, 0.0, 0.0, 0.8, 0.0).moves
+    assert Told(0, math.nan, 0.0, 0.0, 0.0).moves
+    assert Told(0, 0.0, 0.0, 0.0, -0.001).moves
+
+
+def test_a_line_that_was_cut_off_counts_as_none():
+    whole = "10 command 1 0 0 0\n20 speed 0.5\n30 command 0 0 0 0\n"
+    for cut in range(len(whole)):
+        account = read_witness(whole[:cut])
+        assert len(account.commands) <= 2
+        assert all(told.t_ns in (10, 30) for told in account.commands)
+    assert read_witness("12 command 1 0") == Account()
+
+
+@given(st.text())
+def test_rubbish_is_no_story_and_no_error(text):
+    assert isinstance(read_witness(text), Account)
