@@ -27,6 +27,9 @@ class _Stamped(Protocol):
 
 S = TypeVar("S", bound=_Stamped)
 
+_MOST_TOKENS = 64
+"""A stranger who invents tokens must not fill the memory."""
+
 
 class Watch:
     """Listens to the robot for as long as its session lives."""
@@ -78,7 +81,7 @@ class _Tokens:
         """Tell whether at least one is there."""
         with self._lock:
             while (change := self._changes.try_recv()) is not None:
-                if change.kind == zenoh.SampleKind.PUT:
+                if change.kind == zenoh.SampleKind.PUT and len(self._present) < _MOST_TOKENS:
                     self._present.add(str(change.key_expr))
                 else:
                     self._present.discard(str(change.key_expr))
