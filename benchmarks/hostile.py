@@ -27,6 +27,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.platform import Platform, Scenario, load_platform
 from adatracker_deploy.profile import load_profile
 from adatracker_deploy.runtime.clock import MonotonicClock
@@ -124,11 +125,20 @@ def lives(platform: Platform) -> Iterator[str]:
     if not until(lambda: not unfit()):
         yield f"the preflight fails: {unfit()}"
         return
-    try:
-        platform.engage()
-        platform.disengage()
-    except Exception as error:
-        yield f"{type(error).__name__}: {error}"
+    refusals: list[str] = []
+
+    def engages() -> bool:
+        """Try; a state that the flood faked stands until the robot's own next one."""
+        try:
+            platform.engage()
+            platform.disengage()
+        except PlatformError as error:
+            refusals.append(str(error))
+            return False
+        return True
+
+    if not until(engages):
+        yield refusals[-1]
 
 
 # MAVLink

@@ -56,6 +56,8 @@ class Sidecar:
     """For sam2: the four files, beside the sidecar."""
     external_data: bool = False
     """Whether the file may keep weights in other files beside it."""
+    sha256: dict[str, str] = field(default_factory=dict)
+    """Digests by file name; where there are any, no file that is not listed, or has another, is run."""
     providers: tuple[str, ...] = ("cpu",)
 
     def preparation(self, family: Preparation) -> Preparation:
