@@ -374,7 +374,6 @@ def flood_host(count: int) -> Result:
     from adatracker_deploy.perception.compressed_image import CompressedImage
     from adatracker_deploy.platform import ZERO
     from adatracker_quadruped import messages
-    from adatracker_quadruped.camera import ZenohCamera
     from adatracker_quadruped.camera_topic import with_camera
     from adatracker_quadruped.keys import Keys
 
@@ -388,8 +387,7 @@ def flood_host(count: int) -> Result:
             keys.battery: messages.encode_battery(0.5),
             keys.camera: messages.encode_compressed_image(image),
         }
-        with contextlib.closing(ZenohCamera(profile, platform.clock)) as camera:
-            camera.open()
+        with _camera(profile, platform.clock) as camera:
             seconds, grown_kb, orders = _publish(profile.connection, good, count, "self")
             watch = platform._wire.watch
             dropped = camera.dropped + sum(tap.dropped for tap in (watch.odometry, watch.imu, watch.battery))
@@ -398,6 +396,23 @@ def flood_host(count: int) -> Result:
             if not until(lambda: camera.read(platform.clock.now_ns()).seq > seen):
                 faults.append("the camera shows nothing any more")
         return Result(seconds, grown_kb, f"{dropped:,} malformed", (*faults, *lives(platform)))
+
+
+@contextlib.contextmanager
+def _camera(profile, clock):
+    """The robot's camera, open; on a busy machine its first picture can take longer than a trial would wait."""
+    from adatracker_quadruped.camera import ZenohCamera
+
+    for attempt in range(5):
+        with contextlib.closing(ZenohCamera(profile, clock)) as camera:
+            try:
+                camera.open()
+            except PlatformError:
+                if attempt == 4:
+                    raise
+                continue
+            yield camera
+            return
 
 
 def flood_robot(count: int) -> Result:
