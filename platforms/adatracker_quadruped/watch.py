@@ -47,6 +47,11 @@ class Watch:
         if connection.robot_liveliness:
             self._tokens = _Tokens(session, connection.robot_liveliness)
 
+    @property
+    def dropped(self) -> int:
+        """Messages that were not what they should be, on every key."""
+        return sum(tap.dropped for tap in (self.odometry, self.imu, self.battery) if tap is not None)
+
     def odometry_age_s(self) -> float:
         """Return the machine's seconds since the newest odometry; infinite before the first."""
         newest = self.odometry.newest
