@@ -11,11 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import yaml
-
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.platform import Limits, Platform, load_platform, platform_names
 from adatracker_deploy.schema import Range, parse
+from adatracker_deploy.yaml_text import read_yaml
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -81,7 +80,7 @@ def load_profile(name_or_path: str, platform: type[Platform] | None = None) -> P
         UsageError: no such profile, not YAML, a wrong key, type or range, or another platform's profile.
     """
     path = _find(name_or_path, platform)
-    document = parse(_Document, _read(path), where=str(path))
+    document = parse(_Document, read_yaml(path), where=str(path))
     if platform is None:
         platform = load_platform(document.platform)
     elif platform.name != document.platform:
@@ -133,18 +132,3 @@ def _usable_platforms() -> Iterator[type[Platform]]:
     for name in platform_names():
         with contextlib.suppress(UsageError):  # what it lacks is told by ``platforms``
             yield load_platform(name)
-
-
-_SIZE_CAP_BYTES = 1 << 20
-
-
-def _read(path: Path) -> Any:
-    try:
-        if path.stat().st_size > _SIZE_CAP_BYTES:
-            raise UsageError(f"{path}: larger than 1 MiB; not a profile")
-        return yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise UsageError(f"{path}: cannot be read: {error}") from error
-    except yaml.YAMLError as error:
-        line = " ".join(str(error).split())
-        raise UsageError(f"{path}: not valid YAML: {line}") from error

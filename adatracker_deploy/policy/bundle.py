@@ -31,6 +31,7 @@ from adatracker_deploy.policy.manifest import (
 )
 from adatracker_deploy.policy.onnx_graph import check_graph
 from adatracker_deploy.schema import parse
+from adatracker_deploy.yaml_text import parse_yaml
 
 __all__ = [
     "ENCODER_NAME",
@@ -170,10 +171,7 @@ def _read_manifest(folder: Path) -> tuple[Manifest, bytes]:
         raise UsageError(f"{folder}: is not a policy bundle: no such folder")
     path = folder / MANIFEST_NAME
     text = _read(path, _MANIFEST_CAP_BYTES)
-    try:
-        document = yaml.safe_load(text)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise UsageError(f"{path}: not valid YAML: {' '.join(str(error).split())}") from error
+    document = parse_yaml(text, where=str(path))
     version = document.get("format") if isinstance(document, dict) else None
     if version is not None and version != FORMAT:
         raise UsageError(f"{path}: bundle format {version!r} is unknown; this program reads format {FORMAT}")

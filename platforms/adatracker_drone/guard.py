@@ -10,6 +10,7 @@ from __future__ import annotations
 import enum
 from typing import TYPE_CHECKING
 
+from adatracker_deploy.milestone import milestone
 from adatracker_drone.packets import HEARD, HEARTBEAT, Packet, split
 
 if TYPE_CHECKING:
@@ -51,7 +52,8 @@ class Guard:
         self.ignored = dict.fromkeys(Ignored, 0)
         self._system = system
         self._signer = signer
-        self._notices: list[str] = []
+        self._told = dict.fromkeys(_OFFENCES, 0)
+        self._last: dict[Ignored, Address] = {}
 
     def admit(self, datagram: bytes, sender: Address, unix_ns: int) -> bytes:
         """Return the frames of a datagram that may be listened to, one behind the other; often none.
@@ -85,10 +87,15 @@ class Guard:
         return f"ignored: {', '.join(told)}" if told else ""
 
     def take_notices(self) -> tuple[str, ...]:
-        """Return what is worth telling since the last call; from any thread."""
-        taken = tuple(self._notices)
-        del self._notices[: len(taken)]
-        return taken
+        """Return what is worth telling since the last call; from one other thread."""
+        notices = []
+        for why in _OFFENCES:
+            count = self.ignored[why]
+            if milestone(self._told[why], count):
+                host, port = self._last[why]
+                notices.append(f"MAVLink: {count} ignored {why}; the last from {host}:{port}")
+            self._told[why] = count
+        return tuple(notices)
 
     def _fault(self, packet: Packet, unix_ns: int) -> Ignored | None:
         if packet.system != self._system or packet.component != AUTOPILOT_COMPONENT:
@@ -102,8 +109,5 @@ class Guard:
         return None
 
     def _ignore(self, why: Ignored, sender: Address) -> None:
-        """Count; tell of the first, the tenth, the hundredth..., so that a flood fills no log."""
-        count = self.ignored[why] = self.ignored[why] + 1
-        if why in _OFFENCES and str(count) == f"{10 ** (len(str(count)) - 1)}":
-            host, port = sender
-            self._notices.append(f"MAVLink: {count} ignored {why}; the last from {host}:{port}")
+        self._last[why] = sender
+        self.ignored[why] += 1

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import os
-import stat
-from pathlib import Path
-
 from adatracker_deploy.errors import UsageError
+from adatracker_deploy.secret_file import check_secret
 from adatracker_drone.packets import (
     KEY_BYTES,
     TICK_NS,
@@ -29,21 +26,18 @@ def read_key(path: str) -> bytes:
     Raises:
         UsageError: it is not there, is no such file, or others may read it.
     """
-    place = f"connection: signing_key {path}"
+    where = "connection: signing_key"
     try:
-        with Path(path).open("rb") as file:
-            status = os.fstat(file.fileno())
-            if not stat.S_ISREG(status.st_mode):
-                raise UsageError(f"{place}: is not a plain file")
-            if status.st_mode & (stat.S_IRWXG | stat.S_IRWXO):
-                raise UsageError(f"{place}: others may read or change it; chmod 600 it")
+        with check_secret(path, where=where).open("rb") as file:
             key = file.read(KEY_BYTES + 1)
     except OSError as error:
-        raise UsageError(f"{place}: cannot be read ({error.strerror})") from error
+        raise UsageError(f"{where}: {path} cannot be read ({error.strerror})") from error
     if len(key) != KEY_BYTES:
-        raise UsageError(f"{place}: expected {KEY_BYTES} bytes, as head -c {KEY_BYTES} /dev/urandom makes")
+        raise UsageError(
+            f"{where}: {path} is not {KEY_BYTES} bytes, such as head -c {KEY_BYTES} /dev/urandom makes"
+        )
     if not any(key):
-        raise UsageError(f"{place}: 32 zeros are no secret")
+        raise UsageError(f"{where}: {path} is all zeros, which is no secret")
     return key
 
 

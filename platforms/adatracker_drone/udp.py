@@ -24,6 +24,8 @@ _LARGEST = 65535
 _LOOK_S = 0.1
 _QUEUE_BYTES = 1 << 20
 _MOST_AT_ONCE = 64
+_MOST_QUEUED = 4096
+"""Datagrams that a queue is emptied of when the autopilot gets another."""
 _STRANGERS_S = 0.02
 """Between two looks at what strangers sent: their flood costs a few per cent of a core, not all of it."""
 
@@ -104,15 +106,17 @@ class UdpLink:
         for ready in select.select(sockets, [], [], timeout_s)[0]:
             self._read(ready)
 
-    def _read(self, ready: socket.socket) -> None:
+    def _read(self, ready: socket.socket, most: int = _MOST_AT_ONCE) -> None:
         with contextlib.suppress(OSError):  # nothing left to read, or nobody there yet
-            for _ in range(_MOST_AT_ONCE):
+            for _ in range(most):
                 datagram, sender = ready.recvfrom(_LARGEST)
                 frames = self.guard.admit(datagram, sender, self._now_ns())
-                if self._spoken_to is None and self.guard.peer is not None:
-                    self._pin(self.guard.peer)
                 if frames:
                     self._hear(frames)
+                if self._spoken_to is None and self.guard.peer is not None:
+                    self._pin(self.guard.peer)
+                    return self._read(ready, _MOST_QUEUED)  # before what comes next: signed times only grow
+        return None
 
     def _pin(self, peer: Address) -> None:
         (gate,) = self._sockets

@@ -26,7 +26,7 @@ class Tls:
     certificate: str = ""
     """This host's own certificate, for a robot that asks who connects (mutual TLS)."""
     private_key: str = ""
-    """The key of `certificate`."""
+    """The key of `certificate`; nobody but its owner may be able to read it."""
     verify_name: bool = True
     """Refuse a certificate that was not issued for the name or address in the endpoint."""
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.milestone import milestone
 from adatracker_deploy.perception.camera import ROBOT
 from adatracker_deploy.platform import ZERO, Body, Check, Platform, PlatformState, Sitl, Twist
 from adatracker_quadruped.camera_topic import with_camera
@@ -59,6 +60,8 @@ class QuadrupedPlatform(Platform):
         self._stopped = ""
         self._sent_ns = 0
         """When the newest command was made; 0 since the last engage."""
+        self._told = 0
+        """Malformed messages, when they were last told of."""
 
     def connect(self) -> None:
         """Dial the robot and wait for its odometry; moves nothing.
@@ -147,6 +150,13 @@ class QuadrupedPlatform(Platform):
             battery=battery.value if battery is not None else None,
             stopped=stopped,
         )
+
+    def notices(self) -> tuple[str, ...]:
+        """Tell of messages of the robot's that could not be believed."""
+        wire = self._wire
+        count = wire.watch.dropped if wire is not None else 0
+        told, self._told = self._told, count
+        return (f"Zenoh: {count} malformed messages were dropped",) if milestone(told, count) else ()
 
     def hold(self, reason: str) -> None:
         """Send zero three times; no command follows until an explicit `engage`."""

@@ -9,6 +9,7 @@ import zenoh
 
 from adatracker_deploy.errors import PlatformError, UsageError
 from adatracker_deploy.perception.zenoh_session import session_config
+from adatracker_deploy.secret_file import check_secret
 
 if TYPE_CHECKING:
     from adatracker_quadruped.connection import Connection, Tls
@@ -20,7 +21,7 @@ def zenoh_config(
     """Return a session's configuration: a client dials ``connection.endpoint``, the others listen on it.
 
     Raises:
-        UsageError: a file named in ``connection.tls`` is not there.
+        UsageError: a file named in ``connection.tls`` is not there, or others may read the private key.
     """
     return session_config(
         connection.endpoint,
@@ -36,7 +37,7 @@ def open_session(connection: Connection) -> zenoh.Session:
 
     Raises:
         PlatformError: nobody answers within ``connect_timeout_s``, or not as a Zenoh router or peer would.
-        UsageError: a file named in ``connection.tls`` is not there.
+        UsageError: a file named in ``connection.tls`` is not there, or others may read the private key.
     """
     try:
         return zenoh.open(zenoh_config(connection))
@@ -58,6 +59,8 @@ def _tls(tls: Tls, side: Literal["connect", "listen"]) -> dict[str, Any]:
     for name in filter(None, files.values()):
         if not Path(name).is_file():
             raise UsageError(f"connection.tls: no such file: {name}")
+    if tls.private_key:
+        check_secret(tls.private_key, where="connection.tls")
     settings: dict[str, Any] = {f"transport/link/tls/{key}": name for key, name in files.items() if name}
     mutual = bool(tls.root_ca) if side == "listen" else bool(tls.certificate)
     return settings | {

@@ -27,6 +27,9 @@ class _Stamped(Protocol):
 
 S = TypeVar("S", bound=_Stamped)
 
+_MOST_TOKENS = 64
+"""A stranger who invents tokens must not fill the memory."""
+
 
 class Watch:
     """Listens to the robot for as long as its session lives."""
@@ -43,6 +46,11 @@ class Watch:
             self.battery = Tap(session, keys.battery, decode_battery, clock, SMALL_CAP_BYTES)
         if connection.robot_liveliness:
             self._tokens = _Tokens(session, connection.robot_liveliness)
+
+    @property
+    def dropped(self) -> int:
+        """Messages that were not what they should be, on every key."""
+        return sum(tap.dropped for tap in (self.odometry, self.imu, self.battery) if tap is not None)
 
     def odometry_age_s(self) -> float:
         """Return the machine's seconds since the newest odometry; infinite before the first."""
@@ -78,7 +86,7 @@ class _Tokens:
         """Tell whether at least one is there."""
         with self._lock:
             while (change := self._changes.try_recv()) is not None:
-                if change.kind == zenoh.SampleKind.PUT:
+                if change.kind == zenoh.SampleKind.PUT and len(self._present) < _MOST_TOKENS:
                     self._present.add(str(change.key_expr))
                 else:
                     self._present.discard(str(change.key_expr))

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.milestone import milestone
 from adatracker_deploy.platform import Body, Check, Platform, PlatformState, Sitl, Twist
 from adatracker_wheeled.connection import Connection
 from adatracker_wheeled.engaging import enable
@@ -56,6 +57,8 @@ class WheeledPlatform(Platform):
         self._turn = threading.Lock()
         self._closing = False
         self._sent_ns = 0
+        self._told = 0
+        """Malformed frames, when they were last told of."""
 
     def connect(self) -> None:
         """Open the bus and wait for the base's state; sends nothing.
@@ -145,6 +148,13 @@ class WheeledPlatform(Platform):
             stopped=self._helm.stopped,
             taken_over=self._helm.taken_over,
         )
+
+    def notices(self) -> tuple[str, ...]:
+        """Tell of frames of the base's that could not be believed."""
+        wire = self._helm.wire
+        count = wire.ear.malformed if wire is not None else 0
+        told, self._told = self._told, count
+        return (f"CAN: {count} malformed frames were dropped",) if milestone(told, count) else ()
 
     def hold(self, reason: str) -> None:
         """Say zero three times, then nothing until an explicit `engage`; the base stays enabled."""

@@ -91,7 +91,7 @@ def test_a_missing_and_an_oversized_file_are_refused(tmp_path):
         load_profile(str(tmp_path / "none.yaml"))
     huge = tmp_path / "huge.yaml"
     huge.write_text("#" * (2 << 20))
-    with pytest.raises(UsageError, match="larger than 1 MiB"):
+    with pytest.raises(UsageError, match="larger than 1024 KiB"):
         load_profile(str(huge))
 
 

@@ -51,15 +51,16 @@ def test_a_heartbeat_that_is_not_whole_decides_nothing():
 @pytest.mark.parametrize("sender", [OTHER, (DRONE[0], DRONE[1] + 1)], ids=["address", "port"])
 def test_a_second_talker_with_the_same_id_is_ignored_counted_and_told_of(sender):
     guard = pinned()
+    notices = []
     for _ in range(12):
         assert guard.admit(heartbeat(), sender, NOW_NS) == b""
+        notices += guard.take_notices()
     assert guard.peer == DRONE
     assert guard.ignored[Ignored.STRANGER] == 12
-    first, tenth = guard.take_notices()
+    first, tenth = notices
     assert first.startswith("MAVLink: 1 ignored from an address that is not the autopilot's")
     assert tenth.startswith("MAVLink: 10 ignored")
     assert f"{sender[0]}:{sender[1]}" in first
-    assert guard.take_notices() == ()
     assert "12 from an address" in guard.offences
 
 
@@ -124,7 +125,7 @@ def test_whatever_comes_only_whole_frames_of_the_autopilots_own_pass(history):
         assert all(each.message in HEARD for each in packets)
         assert sender == DRONE or not passed
         assert guard.peer == DRONE
-    assert len(guard.take_notices()) <= 2 * 3, "a flood fills no log"
+    assert len(guard.take_notices()) <= 3, "a flood fills no log"
 
 
 # Signatures

@@ -2,8 +2,11 @@
 
 import contextlib
 import dataclasses
+import functools
+import itertools
 import math
 import os
+import random
 import socket
 import threading
 import time
@@ -16,6 +19,8 @@ from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.platform import Scenario
 from adatracker_deploy.profile import load_profile
 from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_drone.hostile import datagrams
+from adatracker_drone.packets import HEARD, split
 from adatracker_drone.platform import DronePlatform
 from adatracker_drone.preflight import link_checks
 
@@ -92,7 +97,7 @@ def test_a_second_talker_with_the_autopilots_id_changes_nothing_and_is_told_of()
                 for lie in lies:
                     out.sendto(lie.pack(impostor), ("127.0.0.1", port))
         told = []
-        until(lambda: told.extend(platform.notices()) or len(told) >= 2)
+        until(lambda: told.extend(platform.notices()) or told)
         heard_ns = platform.clock.now_ns()
         until(lambda: platform.state().t_ns > heard_ns)
         now = platform.state()
@@ -102,6 +107,57 @@ def test_a_second_talker_with_the_autopilots_id_changes_nothing_and_is_told_of()
         link = link_of(platform.preflight())
         assert not link.ok
         assert "somebody else talks" in link.message
+
+
+def test_ten_thousand_hostile_datagrams_from_the_autopilots_own_address_print_nothing_and_move_nothing(capfd):
+    shipped = load_profile("px4_quad", DronePlatform)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    connection = dataclasses.replace(shipped.connection, url=f"udpin://127.0.0.1:{port}")
+    autopilot = packer()
+    heartbeat = bytes(mavlink.MAVLink_heartbeat_message(2, 12, 81, 4 << 16 | 3 << 24, 3, 3).pack(autopilot))
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as mad,
+        DronePlatform(dataclasses.replace(shipped, connection=connection), MonotonicClock()) as platform,
+    ):
+        mad.connect(("127.0.0.1", port))
+        ended = threading.Event()
+
+        def talk():
+            while not ended.wait(0.05):
+                with contextlib.suppress(ConnectionRefusedError):
+                    mad.send(heartbeat)
+
+        talking = threading.Thread(target=talk)
+        talking.start()
+        platform.connect()
+        ended.set()
+        talking.join()
+        mad.setblocking(False)
+        orders = []
+        place = mavlink.MAVLink_local_position_ned_message(0, 0, 0, 0, 0, 0, 0).pack(autopilot)
+
+        def heard_since(asked_ns):
+            mad.send(place)
+            return platform.state().t_ns > asked_ns
+
+        for number, datagram in enumerate(itertools.islice(datagrams(HEARD, random.Random(1)), 10_000)):
+            mad.send(datagram)
+            if number % 100 == 0:
+                until(functools.partial(heard_since, platform.clock.now_ns()))
+                with contextlib.suppress(BlockingIOError):
+                    while True:
+                        orders += [each.message for each in split(mad.recv(2048))]
+        state = platform.state()
+        assert state.velocity is None or state.velocity.is_finite()
+        assert not state.engaged
+        assert orders
+        assert 84 not in orders, "no set-point"
+        assert platform.notices()
+    printed = capfd.readouterr()
+    assert "\x1b" not in printed.out + printed.err
+    assert printed.out == ""
 
 
 @pytest.mark.parametrize(

@@ -51,6 +51,23 @@ def test_what_is_said_goes_to_the_autopilot_from_the_port_that_it_knows():
         assert autopilot.recv(100) == b"hello"  # it is connected: from any other port it would hear nothing
 
 
+def test_what_was_queued_before_the_autopilot_was_known_is_heard_in_order():
+    with talker() as probe:
+        address = probe.getsockname()
+    heard, count = [], 500
+    with (
+        contextlib.closing(UdpLink(address, 1, Signer(KEY), heard.append, binds=True)) as made,
+        talker(address[1]) as autopilot,
+    ):
+        for number in range(count):
+            autopilot.send(heartbeat(key=KEY, time=10**17 + number))
+        made.start()
+        for number in range(count, 2 * count):
+            autopilot.send(heartbeat(key=KEY, time=10**17 + number))
+        until(lambda: len(heard) == 2 * count)
+        assert made.guard.offences == ""
+
+
 def test_nothing_is_said_before_somebody_is_known():
     with talker() as probe:
         address = probe.getsockname()

@@ -79,6 +79,9 @@ def test_the_host_lives_through_hostile_messages_from_the_robots_side(inbound):
         key = getattr(Keys(profile.connection), inbound)
         with open_session(profile.connection) as session:
             assert flood(session, key, GOOD[inbound], os.getpid()) < LARGEST_GROWTH_KB
+        (notice,) = platform.notices()
+        assert "malformed messages were dropped" in notice
+        assert platform.notices() == ()
         state = platform.state()
         assert state.velocity.is_finite()
         assert state.battery is None or 0.0 <= state.battery <= 1.0

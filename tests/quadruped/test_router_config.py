@@ -3,6 +3,7 @@
 import re
 import time
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,10 +12,12 @@ import zenoh
 from adatracker_deploy.geometry import Pose
 from adatracker_deploy.platform import ZERO, Twist
 from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_quadruped.connection import Tls
 from adatracker_quadruped.messages import Odometry, decode_twist, encode_odometry
 from adatracker_quadruped.outlet import Outlet
 from adatracker_quadruped.session import open_session
 from adatracker_quadruped.wire import Wire
+from tests.quadruped.certificates import issue
 from tests.quadruped.rehearsal import rehearsed
 from tests.quadruped.routers import free_port, latest, until
 
@@ -34,6 +37,12 @@ def documented(port):
     text = re.sub(r"tls: \{.*?\},\n", "", text, flags=re.DOTALL)
     text = re.sub(r"  plugins: \{.*?\n  \},\n", "", text, flags=re.DOTALL)
     return zenoh.Config.from_json5(text)
+
+
+def guarded(port, folder):
+    """The document's configuration with its certificates, from a folder; its robot is on the loopback."""
+    text = written().replace("tls/0.0.0.0:7447", f"tls/127.0.0.1:{port}").replace("/etc/zenoh", str(folder))
+    return zenoh.Config.from_json5(re.sub(r"  plugins: \{.*?\n  \},\n", "", text, flags=re.DOTALL))
 
 
 @contextmanager
@@ -79,6 +88,36 @@ def test_a_follower_commands_hears_and_sees_whether_the_robot_lives(connection):
             until(lambda: "is gone" in wire.watch.trouble())
         finally:
             wire.close()
+
+
+def test_only_the_host_by_its_certificates_name_gets_a_command_through(tmp_path):
+    issue("ca", tmp_path)
+    for name in ("robot", "adatracker-host", "visitor"):
+        issue(name, tmp_path, "ca")
+
+    def certified(name):
+        root, pair = f"{tmp_path}/ca.pem", {"certificate": f"{name}.pem", "private_key": f"{name}.key"}
+        return Tls(root_ca=root, **{key: f"{tmp_path}/{file}" for key, file in pair.items()})
+
+    port = free_port()
+    connection = rehearsed(endpoint=f"tls/127.0.0.1:{port}", tls=certified("adatracker-host")).connection
+    with (
+        zenoh.open(guarded(port, tmp_path)) as robot,
+        open_session(replace(connection, tls=certified("visitor"))) as visitor,
+        open_session(connection) as host,
+    ):
+        commands = latest(robot, "cmd_vel")
+        got = []
+
+        def passed():
+            visitor.put("cmd_vel", b"from the visitor")
+            host.put("cmd_vel", b"from the host")
+            while (sample := commands.try_recv()) is not None:
+                got.append(bytes(sample.payload))
+            return len(got) >= 20
+
+        until(passed)
+        assert set(got) == {b"from the host"}
 
 
 def test_nothing_else_gets_through(connection):

@@ -1,41 +1,15 @@
 """A session with certificates on both sides: who gets through, and who does not."""
 
-import subprocess
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from adatracker_deploy.errors import PlatformError, UsageError
 from adatracker_quadruped.connection import Connection, Tls
 from adatracker_quadruped.session import open_session
+from tests.quadruped.certificates import issue
 from tests.quadruped.routers import arrives, free_port, latest, publisher_of, robot
-
-
-def openssl(*arguments, cwd):
-    subprocess.run(["openssl", *arguments], cwd=cwd, check=True, capture_output=True)
-
-
-def issue(name, folder, authority=None):
-    """Make a key and a certificate for 127.0.0.1, signed by an authority or by itself."""
-    key = ["-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes", "-days", "2"]
-    signed = ["-CA", f"{authority}.pem", "-CAkey", f"{authority}.key"] if authority else []
-    kind = "basicConstraints=critical,CA:FALSE" if authority else "basicConstraints=critical,CA:TRUE"
-    openssl(
-        *(
-            "req",
-            "-x509",
-            *key,
-            *signed,
-            "-subj",
-            f"/CN={name}",
-            "-keyout",
-            f"{name}.key",
-            "-out",
-            f"{name}.pem",
-        ),
-        *("-addext", "subjectAltName=IP:127.0.0.1", "-addext", kind),
-        cwd=folder,
-    )
 
 
 @pytest.fixture(scope="module")
@@ -45,6 +19,7 @@ def certificates(tmp_path_factory):
     issue("stranger", folder)
     issue("robot", folder, "authority")
     issue("host", folder, "authority")
+    issue("elsewhere", folder, "authority", place="DNS:elsewhere.local")
     issue("intruder", folder, "stranger")
 
     def tls(name="", authority="authority"):
@@ -81,6 +56,23 @@ def test_a_host_in_the_clear_reaches_no_encrypted_robot(guarded):
     plain = replace(guarded, endpoint=guarded.endpoint.replace("tls/", "tcp/"), tls=None)
     with robot(guarded), pytest.raises(PlatformError, match="no Zenoh router"):
         open_session(plain)
+
+
+def test_a_robot_with_another_robots_certificate_is_refused_unless_names_do_not_count(guarded, certificates):
+    posing, host = replace(guarded, tls=certificates("elsewhere")), certificates("host")
+    with robot(posing):
+        with pytest.raises(PlatformError, match=r"connection\.tls fits its certificate") as refusal:
+            open_session(replace(posing, tls=host))
+        assert "\n" not in str(refusal.value)
+        open_session(replace(posing, tls=replace(host, verify_name=False))).close()
+
+
+def test_a_private_key_that_others_may_read_is_refused(guarded, certificates, tmp_path):
+    key = tmp_path / "host.key"
+    key.write_bytes(Path(certificates("host").private_key).read_bytes())
+    key.chmod(0o640)
+    with pytest.raises(UsageError, match="chmod 600"):
+        open_session(replace(guarded, tls=replace(certificates("host"), private_key=str(key))))
 
 
 def test_a_missing_certificate_file_is_named():

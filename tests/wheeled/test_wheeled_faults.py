@@ -379,6 +379,9 @@ def test_a_hundred_thousand_hostile_frames_move_nothing_and_fill_nothing(name):
         assert not platform.state().engaged
         (check,) = [check for check in platform.preflight() if check.name == "frames"]
         assert "malformed frames were dropped" in check.message
+        (notice,) = platform.notices()
+        assert notice.startswith("CAN: ")
+        assert platform.notices() == ()
 
 
 def until_heard(tap):

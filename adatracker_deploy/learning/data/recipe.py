@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Annotated, Any, get_args
 
 import numpy as np
-import yaml
 
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.learning.embodiment import DRONE_DELAY_S, DRONE_LAG_S, BodyKind, Embodiment
@@ -19,6 +18,7 @@ from adatracker_deploy.schema import Range, parse
 from adatracker_deploy.world.noise import NoiseLevel
 from adatracker_deploy.world.path import PathName
 from adatracker_deploy.world.scenes import scene_names
+from adatracker_deploy.yaml_text import read_yaml
 
 Number = Annotated[float, Range(-1e3, 1e3)]
 
@@ -148,7 +148,7 @@ def load_recipe(name_or_path: str) -> Recipe:
     else:
         names = ", ".join(recipe_names())
         raise UsageError(f"unknown recipe {name_or_path!r}: known are {names}; or give a path to a YAML file")
-    return parse_recipe(_read(path), where=str(path), name=path.stem)
+    return parse_recipe(read_yaml(path), where=str(path), name=path.stem)
 
 
 def parse_recipe(value: Any, *, where: str, name: str) -> Recipe:
@@ -179,12 +179,3 @@ def _weighted(rng: np.random.Generator, weights: dict[Any, float]) -> Any:
     names = list(weights)
     share = np.array([weights[name] for name in names])
     return names[int(rng.choice(len(names), p=share / share.sum()))]
-
-
-def _read(path: Path) -> Any:
-    try:
-        return yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise UsageError(f"recipe {path}: cannot be read: {error}") from error
-    except yaml.YAMLError as error:
-        raise UsageError(f"recipe {path}: not valid YAML: {' '.join(str(error).split())}") from error

@@ -56,17 +56,14 @@ def _open_sam2(path: Path, sidecar: Sidecar, providers: Sequence[str] | None, th
         raise UsageError(
             f"{path}: graphs: expected {', '.join(GRAPHS)}, got {', '.join(sidecar.graphs) or 'none'}"
         )
-    files = {
-        graph: read_model_file(path.parent / sidecar.graphs[graph], external_data=sidecar.external_data)
-        for graph in GRAPHS
-    }
+    files = {graph: _read(path.parent / sidecar.graphs[graph], sidecar) for graph in GRAPHS}
     return Sam2Propagator(files, sidecar, providers or sidecar.providers, threads)
 
 
 def _open_detector(
     path: Path, sidecar: Sidecar | None, words: Sequence[str], providers: Sequence[str] | None, threads: int
 ) -> Model:
-    file = read_model_file(path, external_data=sidecar is not None and sidecar.external_data)
+    file = _read(path, sidecar) if sidecar is not None else read_model_file(path)
     sidecar = sidecar or _guess(file)
     where = providers or sidecar.providers
     if sidecar.kind == "yolo":
@@ -76,6 +73,18 @@ def _open_detector(
     if sidecar.vocabulary is None:
         raise UsageError(f"{path}: name the text encoder's vocab.txt under `vocabulary` in the sidecar")
     return GroundingDino(file, sidecar, words, where, threads, vocabulary=path.parent / sidecar.vocabulary)
+
+
+def _read(path: Path, sidecar: Sidecar) -> ModelFile:
+    """Read a model file that has a sidecar; where that pins digests, all that would run must have theirs."""
+    file = read_model_file(path, external_data=sidecar.external_data)
+    for name, digest in file.sha256 if sidecar.sha256 else ():
+        pinned = sidecar.sha256.get(name, "none").lower()
+        if digest != pinned:
+            raise UsageError(
+                f"{path.parent / name}: its SHA-256 is {digest}, but the sidecar's sha256 says {pinned}"
+            )
+    return file
 
 
 def _guess(file: ModelFile) -> Sidecar:

@@ -6,12 +6,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import yaml
-
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.perception.models.coco import COCO80, COCO91
 from adatracker_deploy.perception.models.picture import Preparation, Resize
 from adatracker_deploy.schema import Range, parse
+from adatracker_deploy.yaml_text import read_yaml
 
 Kind = Literal["yolo", "rf_detr", "grounding_dino", "sam2"]
 Triple = tuple[float, float, float]
@@ -57,6 +56,8 @@ class Sidecar:
     """For sam2: the four files, beside the sidecar."""
     external_data: bool = False
     """Whether the file may keep weights in other files beside it."""
+    sha256: dict[str, str] = field(default_factory=dict)
+    """Digests by file name; where there are any, no file that is not listed, or has another, is run."""
     providers: tuple[str, ...] = ("cpu",)
 
     def preparation(self, family: Preparation) -> Preparation:
@@ -85,16 +86,7 @@ def read_sidecar(path: Path) -> Sidecar:
     Raises:
         UsageError: one line that names the file, the key and the reason.
     """
-    try:
-        with path.open("rb") as file:
-            text = file.read(_CAP_BYTES + 1)
-        if len(text) > _CAP_BYTES:
-            raise UsageError(f"{path}: is larger than {_CAP_BYTES >> 10} KiB")
-        document = yaml.safe_load(text)
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be read: {error}") from error
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise UsageError(f"{path}: not valid YAML: {' '.join(str(error).split())}") from error
+    document = read_yaml(path, cap_bytes=_CAP_BYTES)
     sidecar = parse(Sidecar, _with_text_keys(document), where=str(path))
     try:
         sidecar.preparation(Preparation())

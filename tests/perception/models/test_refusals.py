@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
+
 import onnx
 import pytest
 
+from adatracker_deploy.perception.models.catalogue import open_model
 from tests.perception.models import graphs
 
 
@@ -107,6 +110,17 @@ def test_a_sidecar_that_is_wrong(yolo, sidecar, refusal, keys, reason):
     path = yolo()
     sidecar(**keys)
     assert reason in refusal(path, ["thing"] if "synonyms" in keys else [])
+
+
+def test_a_file_that_is_not_the_pinned_one_is_refused(yolo, sidecar, refusal):
+    path = yolo()
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    sidecar(kind="yolo", sha256={path.name: digest.upper()})
+    open_model(path)
+    sidecar(kind="yolo", sha256={path.name: digest[::-1]})
+    assert f"SHA-256 is {digest}, but the sidecar's sha256 says {digest[::-1]}" in refusal(path)
+    sidecar(kind="yolo", sha256={"another.onnx": digest})
+    assert "sha256 says none" in refusal(path)
 
 
 def test_a_sidecar_that_is_no_yaml(yolo, tmp_path, refusal):
