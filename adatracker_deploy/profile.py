@@ -103,7 +103,7 @@ def load_limits(name_or_path: str) -> Limits:
         UsageError: as `load_profile`, but for what is in the robot's own sections.
     """
     path = _find(name_or_path, None)
-    return parse(_Document, _read(path), where=str(path)).limits
+    return parse(_Document, read_yaml(path), where=str(path)).limits
 
 
 def _find(name_or_path: str, platform: type[Platform] | None) -> Path:
