@@ -13,7 +13,7 @@ from tests.learning.data import tiny
 
 
 def test_the_paper_and_the_deploy_recipe_are_shipped():
-    assert recipe_names() == ["deploy", "paper"]
+    assert recipe_names() == ["deploy", "paper", "tall"]
     assert load_recipe("paper").steps == 190_000
     assert load_recipe("deploy").steps == 1_000_000
 
