@@ -65,7 +65,7 @@ class Silent:
         if text.startswith("following"):
             favour_robot()
 
-    def step(self, record):
+    def step(self, _):
         self._stepped_s = time.monotonic()
 
     @property
