@@ -17,6 +17,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import dataclasses
+import math
 import os
 import statistics
 import tempfile
@@ -42,7 +43,7 @@ from adatracker_deploy.trial_run import run_trial
 GROWTH, GROWTH_MB = 0.03, 3.0
 TICKS = 10
 RATE_HZ = 20.0
-SAMPLES = 60
+SAMPLES = 120
 """Of a long run."""
 COLUMNS = 10
 
@@ -56,13 +57,20 @@ class Sample(NamedTuple):
 
 
 class Silent:
-    """Is told how a trial goes, and says nothing."""
+    """Is told how a trial goes, and says nothing but whether it is driving."""
+
+    _stepped_s = -math.inf
 
     def phase(self, text):
         if text.startswith("following"):
             favour_robot()
 
-    def step(self, record): ...
+    def step(self, _):
+        self._stepped_s = time.monotonic()
+
+    @property
+    def driving(self):
+        return time.monotonic() - self._stepped_s < 0.5
 
 
 def sample(pid):
@@ -170,12 +178,14 @@ def trials(plan, count):
 
 
 def long_run(plan, minutes):
-    """Drive for so long, and look at all processes all the while; return whether all stayed flat."""
+    """Drive for so long, and look at all processes while they do; return whether all stayed flat."""
     series, endings, driven_s, missed = {}, Counter(), 0.0, 0
-    ending, clock = threading.Event(), MonotonicClock()
+    ending, clock, progress = threading.Event(), MonotonicClock(), Silent()
 
     def look():
         while not ending.wait(minutes * 60 / SAMPLES):
+            if not progress.driving:
+                continue
             for pid, name in {os.getpid(): "tracker", **family(os.getpid())}.items():
                 series.setdefault(name, []).append(sample(pid))
 
@@ -188,7 +198,7 @@ def long_run(plan, minutes):
             while (left_s := end_s - time.monotonic()) > 0:
                 try:
                     steps = max(1, round(left_s * RATE_HZ))
-                    summary = run_trial(dataclasses.replace(plan, steps=steps), Silent(), 0.0)
+                    summary = run_trial(dataclasses.replace(plan, steps=steps), progress, 0.0)
                 except PlatformError as error:
                     endings[str(error)] += 1
                     continue

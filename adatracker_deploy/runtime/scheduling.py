@@ -91,7 +91,9 @@ class Scheduling:
             try:
                 os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
             except OSError as error:
-                raise UsageError(f"--realtime: the system refuses it ({error.strerror}); {MEND}") from error
+                raise UsageError(
+                    f"--realtime: the system refuses it ({error.strerror}); to allow it: {MEND}"
+                ) from error
 
 
 ORDINARY = Scheduling()
