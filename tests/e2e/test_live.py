@@ -38,7 +38,13 @@ def watched(tmp_path):
     )
     with started(tmp_path) as start:
         run = start(*arguments)
-        line = next(line for line in run.process.stderr if line.startswith("live view: "))
+        said = []
+        for line in run.process.stderr:
+            said.append(line)
+            if line.startswith("live view: "):
+                break
+        else:
+            pytest.fail(f"the run never said where it can be watched:\n{''.join(said)}")
         with Viewer(int(re.search(r"ws://127\.0\.0\.1:(\d+),", line)[1])) as viewer:
             yield line, viewer, run
 
