@@ -1,4 +1,4 @@
-"""The command as a process with short trials: each says which file it waits for, and ends when that is there."""
+"""The command with short trials, as a process: each names a file, and ends when that file is there."""
 
 from __future__ import annotations
 
