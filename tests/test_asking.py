@@ -5,6 +5,10 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import os
+import pty
+import sys
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -180,3 +184,42 @@ def test_an_interrupt_at_a_question_ends_the_set_and_shows_what_was(rig, capsys,
     monkeypatch.setattr("builtins.input", interrupt)
     assert rig(*REAL, "--trials", "3", "--json", ends=["completed"] * 3, typed=[]) == 0
     assert (rig.ran, json.loads(capsys.readouterr().out)["outcomes"]) == (1, {"completed": 1})
+
+
+def test_at_a_terminal_what_was_typed_before_a_question_is_forgotten(tmp_path):
+    pid, terminal = pty.fork()
+    if pid == 0:  # pragma: no cover
+        os.chdir(Path(__file__).parents[1])
+        os.execv(sys.executable, [sys.executable, "-m", "tests.operated", str(tmp_path / "trials")])
+    said = b""
+
+    def until(text):
+        nonlocal said
+        while text not in said:
+            said += os.read(terminal, 4096)
+        said = said.partition(text)[2]
+
+    def answer(question, line):
+        until(question)
+        os.write(terminal, line)
+
+    for number in (1, 2):
+        until(f"over-{number}".encode())
+        os.write(terminal, b"xyz")  # without Enter, which would stop the trial
+        until(b"xyz")  # as the terminal echoes what it took
+        (tmp_path / f"over-{number}").touch()
+        answer(b"as recorded): ", b"w\n")
+        answer(b"(Enter: its end): ", b"0.5\n")
+        answer(b"note (Enter: none): ", "ein Jogger, s\u00fc\u00df\n".encode())
+        answer(b"end the set): ", b"go\n" if number == 1 else b"\n")
+    with contextlib.suppress(OSError):  # how a terminal ends
+        while os.read(terminal, 4096):
+            pass
+    _, status = os.waitpid(pid, 0)
+    os.close(terminal)
+    assert os.waitstatus_to_exitcode(status) == 0
+    for number in (1, 2):
+        (said_mark,) = read_marks(tmp_path / "trials" / str(number) / "trial.mcap")
+        assert (said_mark.outcome, said_mark.since_s) == ("wrong_person", 0.5)
+        assert said_mark.note == "ein Jogger, s\u00fc\u00df"
+    assert not (tmp_path / "trials" / "3").exists()
