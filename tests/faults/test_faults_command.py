@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 
 import pytest
 
@@ -52,6 +54,11 @@ class NoOrders(platform.Sitl):
     def start(self, clock, scenario): ...
 
     def close(self): ...
+
+
+def test_a_run_without_faults_holds_nothing_that_could_strike():
+    looks = "import sys, adatracker_deploy.trial_run; sys.exit(any(m.endswith('.injection') for m in sys.modules))"
+    assert subprocess.run([sys.executable, "-c", looks], check=False).returncode == 0
 
 
 def answer(verdict, stall_s=0.0):
