@@ -161,7 +161,7 @@ def _burst(gaps_s: tuple[float, ...]) -> tuple[float | None, str]:
         return None, "no tick followed"
     period_s = sorted(gaps_s)[len(gaps_s) // 2]
     missed = round(sum(gaps_s) / period_s) - len(gaps_s)
-    return round(min(gaps_s) / period_s, 2), f"{missed} slots missed"
+    return round(min(gaps_s) / period_s, 2), f"slots missed: {missed}"
 
 
 def _acceleration(commands: tuple[Told, ...], onset_ns: int) -> float:
