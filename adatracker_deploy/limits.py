@@ -37,8 +37,9 @@ class Limits:
     yaw_jerk_rad_s3: Annotated[float, Range(0.1, 2000)] = 50.0
     ramp_s: Annotated[float, Range(0.05, 10)] = 1.0
     """From the first motion after engaging, speed limits grow from zero to their full size for so long."""
-    command_timeout_s: Annotated[float, Range(0.02, 2)] = 0.2
-    """A command older than this is replaced by zero."""
+    command_timeout_s: Annotated[float, Range(0.02, 2)] = 0.18
+    """A command older than this is replaced by zero: with a slot of the link's, the last motion is on the
+    wire within 0.2 s of whatever has stopped the tracker."""
     sight_timeout_s: Annotated[float, Range(0.1, 2)] = 0.27
     """A command made from what was seen longer ago than this is replaced by zero: with a slot of the link's,
     the last motion is on the wire within 0.3 s of the last frame, whatever the policy's rate."""

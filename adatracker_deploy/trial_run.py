@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from adatracker_deploy.dry_run import DryRun
 from adatracker_deploy.errors import PlatformError, UsageError
-from adatracker_deploy.faults.injection import Injection
 from adatracker_deploy.perception.camera import ROBOT, FilmOverError, scene_of, without_password
 from adatracker_deploy.perception.pipeline import Perception, Seen, refuse_hung
 from adatracker_deploy.perception.sources import open_source
@@ -36,11 +35,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
+    from adatracker_deploy.faults.injection import Injection
     from adatracker_deploy.faults.schedule import Strike
     from adatracker_deploy.geometry import Pose
     from adatracker_deploy.perception.camera import Camera
     from adatracker_deploy.perception.segmenter import Segmenter
-    from adatracker_deploy.platform import Check, Platform, Scenario
+    from adatracker_deploy.platform import Check, Platform, Scenario, Sitl
     from adatracker_deploy.policy.base import Policy
     from adatracker_deploy.profile import Profile
     from adatracker_deploy.trial.record import StepRecord
@@ -134,7 +134,7 @@ class _Trial:
             far_end = self.stack.enter_context(plan.platform.sitl(profile))
             profile = far_end.start(self.clock, plan.scenario)
             if plan.faults:
-                plan = self._injected(Injection(plan.faults, far_end, self.clock))
+                plan = self._injected(far_end)
         robot = DryRun if plan.dry_run else plan.platform
         self.link = self.stack.enter_context(LinkProcess(robot, profile, self.clock, plan.scheduling))
         camera = self._open_camera(profile)
@@ -169,14 +169,15 @@ class _Trial:
         with _uninterrupted():
             return self._finish(ending)
 
-    def _injected(self, injection: Injection) -> TrialPlan:
+    def _injected(self, far_end: Sitl) -> TrialPlan:
         """Return the plan with parts that can go wrong."""
+        from adatracker_deploy.faults.injection import Injection  # which no real robot's process holds
+
+        plan, injection = self.plan, Injection(self.plan.faults, far_end, self.clock)
         self.injection = injection
         self.stack.callback(injection.close)
         self.plan = replace(
-            self.plan,
-            segmenter=injection.segmenter(self.plan.segmenter),
-            policy=injection.policy(self.plan.policy),
+            plan, segmenter=injection.segmenter(plan.segmenter), policy=injection.policy(plan.policy)
         )
         return self.plan
 

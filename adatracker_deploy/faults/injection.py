@@ -119,6 +119,8 @@ class Injection:
                 if not self._ending.wait(max(0.0, due_s - time.monotonic())):
                     on.add(name)
                     self._begin(moment.fault)
+                else:
+                    self._say(f"fault: {name} was not injected: the trial had ended")
             elif name in on:
                 time.sleep(max(0.0, due_s - time.monotonic()))
                 self._end(moment.fault)

@@ -145,9 +145,14 @@ def _shows_nothing(row: Row, evidence: Evidence, onset_ns: int | None) -> str:
 
 def _gap(commands: tuple[Told, ...], onset_ns: int) -> tuple[float, str]:
     """Return by how much the gate was late at the worst, s."""
-    near = [told.t_ns for told in commands if -1e8 < told.t_ns - onset_ns < 5e8]
-    gap_s = max(((b - a) / 1e9 for a, b in pairwise(near)), default=math.inf)
-    return gap_s - SLOT_S, f"commands at most {gap_s * 1e3:.0f} ms apart"
+    before_s, gap_s = (
+        max(((b - a) / 1e9 for a, b in pairwise(near)), default=math.inf)
+        for near in (
+            [told.t_ns for told in commands if -5e8 < told.t_ns - onset_ns < 0],
+            [told.t_ns for told in commands if -1e8 < told.t_ns - onset_ns < 5e8],
+        )
+    )
+    return gap_s - SLOT_S, f"commands at most {gap_s * 1e3:.0f} ms apart, {before_s * 1e3:.0f} ms before it"
 
 
 def _burst(gaps_s: tuple[float, ...]) -> tuple[float | None, str]:
@@ -156,7 +161,7 @@ def _burst(gaps_s: tuple[float, ...]) -> tuple[float | None, str]:
         return None, "no tick followed"
     period_s = sorted(gaps_s)[len(gaps_s) // 2]
     missed = round(sum(gaps_s) / period_s) - len(gaps_s)
-    return round(min(gaps_s) / period_s, 2), f"{missed} slots missed"
+    return round(min(gaps_s) / period_s, 2), f"slots missed: {missed}"
 
 
 def _acceleration(commands: tuple[Told, ...], onset_ns: int) -> float:

@@ -107,11 +107,25 @@ NOT_SHOWN = {
 }
 """What else can break, and why the matrix has no row for it."""
 
+_ROS = "ROS 2 messages cannot tell it"
+_STREAMS = "its streams come from one autopilot: see robot_silent"
 _REASONS = {
-    ("drone", "camera_gone"): "its camera is drawn in the tracker: no server can go; see camera_freeze",
+    ("drone", "camera_gone"): "its camera is drawn in the tracker, no server can go: see camera_freeze",
+    ("drone", "remote_control"): "a pilot who changes the mode is in tests/drone",
+    ("drone", "emergency_stop"): "there is none in the air",
+    ("drone", "base_fault"): "its autopilot's own fail-safes decide",
+    ("drone", "frozen_feedback"): _STREAMS,
+    ("drone", "frozen_state"): _STREAMS,
+    ("drone", "frozen_odometry"): _STREAMS,
+    ("quadruped", "remote_control"): _ROS,
+    ("quadruped", "emergency_stop"): _ROS,
+    ("quadruped", "base_fault"): _ROS,
+    ("quadruped", "frozen_state"): _ROS,
+    ("quadruped", "frozen_feedback"): "see frozen_odometry",
+    ("wheeled", "frozen_odometry"): "see frozen_feedback",
 }
 
 
 def absent(platform: str, fault: str) -> str:
     """Return why a platform cannot suffer a fault in a rehearsal."""
-    return _REASONS.get((platform, fault), f"the {platform} robot has no such thing")
+    return _REASONS.get((platform, fault), "its far end does not know it")

@@ -102,10 +102,11 @@ def markdown(results: Sequence[Result], day: str) -> str:
     ]
     for fault in dict.fromkeys(result.fault for result in results):
         of_it = {result.platform: result for result in results if result.fault == fault}
-        limits = "; ".join(dict.fromkeys(_allowed(result) for result in of_it.values() if result.limit))
+        limits = ", ".join(dict.fromkeys(result.limit for result in of_it.values() if result.limit))
+        why = next((f": {result.why}" for result in of_it.values() if result.why), "")
         says = next((result.says for result in of_it.values() if result.says), "")
         fields = (_field(of_it[robot]) if robot in of_it else "" for robot in robots)
-        lines.append(f"| `{fault}` | {says} | {limits} | {' | '.join(fields)} |")
+        lines.append(f"| `{fault}` | {says} | {limits}{why} | {' | '.join(fields)} |")
     lines += ["", "Not shown in a rehearsal:", ""]
     lines += [f"* `{name}`: {why}." for name, why in NOT_SHOWN.items()]
     return "\n".join((*lines, ""))
@@ -113,10 +114,6 @@ def markdown(results: Sequence[Result], day: str) -> str:
 
 def _unshown(result: Result) -> bool:
     return result.verdict == "not shown"
-
-
-def _allowed(result: Result) -> str:
-    return f"{result.limit}: {result.why}" if result.why else result.limit
 
 
 def _field(result: Result) -> str:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 
 import pytest
 
@@ -52,6 +54,12 @@ class NoOrders(platform.Sitl):
     def start(self, clock, scenario): ...
 
     def close(self): ...
+
+
+def test_a_run_without_faults_holds_nothing_that_could_strike():
+    loaded = "'adatracker_deploy.faults.injection' in sys.modules"
+    looks = f"import adatracker_deploy.trial_run, sys; sys.exit({loaded})"
+    assert subprocess.run([sys.executable, "-c", looks], check=False).returncode == 0
 
 
 def answer(verdict, stall_s=0.0):

@@ -70,7 +70,7 @@ def test_markdown_puts_robots_side_by_side_and_leaves_the_rest_of_the_file_alone
     assert "| fault | what happens | limit | wheeled | quadruped | drone |" in text
     (line,) = (line for line in text.splitlines() if line.startswith("| `camera_gone`"))
     assert line == (
-        "| `camera_gone` | it is gone | told 0.3 s; told 0.3 s: a promise | 0.21, stands 0.55 (0.01) | "
+        "| `camera_gone` | it is gone | told 0.3 s: a promise | 0.21, stands 0.55 (0.01) | "
         "0.41, stands 0.90 (0.20) **LATE**: system_fault | not shown: there is no server |"
     )
 
