@@ -13,9 +13,14 @@ PATIENCE_S = 0.5
 
 
 class Backlog:
-    """Counts HEARTBEATs, each of which is told of once. One thread hands over, another tells."""
+    """Counts HEARTBEATs, each of which is told of once. One thread hands over, another tells.
 
-    def __init__(self) -> None:
+    Args:
+        speed: the run's clock's seconds per second of the machine's: so much faster an autopilot talks.
+    """
+
+    def __init__(self, speed: float = 1.0) -> None:
+        self._most = round(MOST_BEHIND * max(1.0, speed))
         self._handed: int | None = None
         """None while nobody is told of anything."""
         self._told = 0
@@ -39,7 +44,7 @@ class Backlog:
         """
         if self._handed is None:
             return True
-        if self._handed - self._told > MOST_BEHIND:
+        if self._handed - self._told > self._most:
             if now_s - self._told_s < PATIENCE_S:
                 return False
             self._handed = self._told

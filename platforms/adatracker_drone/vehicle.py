@@ -99,7 +99,7 @@ class Vehicle:
         self._clock = clock
         self._on_mode = on_mode
         self._system_id = connection.system_id
-        self._backlog = Backlog()
+        self._backlog = Backlog(clock.speed)
         self._link = _udp_link(connection, self._pass_on)
         mavsdk.log_subscribe(_to_logging)
         configuration = Configuration.create_with_component_type(ComponentType.COMPANION_COMPUTER)

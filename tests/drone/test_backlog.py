@@ -37,6 +37,12 @@ def test_one_that_is_behind_takes_nothing_until_it_has_caught_up():
     assert not backlog.takes(0, 0.2)
 
 
+def test_in_a_fast_rehearsal_as_many_seconds_may_be_on_their_way():
+    backlog = Backlog(speed=5.0)
+    backlog.begin(0.0)
+    assert sum(backlog.takes(1, 0.1) for _ in range(1000)) == 5 * MOST_BEHIND + 1
+
+
 def test_heartbeats_that_are_never_told_of_block_the_rest_only_for_a_while():
     backlog = begun()
     while backlog.takes(1, 0.1):
