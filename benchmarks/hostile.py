@@ -276,49 +276,60 @@ def flood_signed_drone(count: int) -> Result:
 # CAN
 
 
-def flood_base(count: int) -> Result:
-    """Flood one bus: the adapter and the simulated base are in one process, and both hear all of it."""
-    from adatracker_wheeled.codec import Codec
-    from adatracker_wheeled.far_end import FarEnd
-    from adatracker_wheeled.hostile import frames
-    from adatracker_wheeled.protocol import Malformed
-    from adatracker_wheeled.socketcand import SocketcandServer
+class _Base:
+    """A simulated base behind a socketcand in this process, and what is counted on its bus."""
 
-    platform_class, clock = load_platform("wheeled"), MonotonicClock()
-    profile = load_profile("scout", platform_class)
-    codec = Codec(profile.connection.roles)
-    far_end = FarEnd(profile.connection.roles, profile.sitl, Scenario(seed=1), clock)
-    orders = said = read = 0
-    """Of the base's and the flood's frames: those on the bus, and those that the adapter has read."""
+    def __init__(self, profile, clock) -> None:
+        from adatracker_wheeled.codec import Codec
+        from adatracker_wheeled.far_end import FarEnd
+        from adatracker_wheeled.socketcand import SocketcandServer
 
-    def asks(frame) -> bool:
+        self.codec = Codec(profile.connection.roles)
+        self.orders = 0
+        """Commands that reached the base: the adapter's, for the flood has none."""
+        self.said = 0
+        """Frames of its own."""
+        self.far_end = FarEnd(profile.connection.roles, profile.sitl, Scenario(seed=1), clock)
+        self.server = SocketcandServer(0, self._hear)
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self.far_end.serve, args=(self._say, self._ended))
+        self._thread.start()
+
+    def asks(self, frame) -> bool:
+        from adatracker_wheeled.protocol import Malformed
+
         try:
-            return codec.parse_command(frame) is not None
+            return self.codec.parse_command(frame) is not None
         except Malformed:
             return False
 
-    def hear(frame) -> None:
-        nonlocal orders
-        orders += asks(frame)
-        far_end.hear(frame)
+    def close(self) -> None:
+        self._ended.set()
+        self._thread.join()
+        self.server.close()
 
-    def say(frame) -> None:
-        nonlocal said
-        said += 1
-        server.send(frame)
+    def _hear(self, frame) -> None:
+        self.orders += self.asks(frame)
+        self.far_end.hear(frame)
 
-    server, ended = SocketcandServer(0, hear), threading.Event()
-    base = threading.Thread(target=far_end.serve, args=(say, ended))
-    base.start()
-    reached = replace(profile.connection, interface="socketcand", channel="can0", port=server.port)
+    def _say(self, frame) -> None:
+        self.said += 1
+        self.server.send(frame)
+
+
+def flood_base(count: int) -> Result:
+    """Flood one bus: the adapter and the simulated base are in one process, and both hear all of it."""
+    from adatracker_wheeled.hostile import frames
+
+    platform_class, clock = load_platform("wheeled"), MonotonicClock()
+    profile = load_profile("scout", platform_class)
     with contextlib.ExitStack() as stack:
-        stack.callback(server.close)
-        stack.callback(base.join)
-        stack.callback(ended.set)
+        base = stack.enter_context(contextlib.closing(_Base(profile, clock)))
+        port = base.server.port
+        reached = replace(profile.connection, interface="socketcand", channel="can0", port=port)
         platform = stack.enter_context(platform_class(replace(profile, connection=reached), clock))
         platform.connect()
-        ear = platform._helm.wire.ear
-        bus = stack.enter_context(socket.create_connection(("127.0.0.1", server.port)))
+        bus = stack.enter_context(socket.create_connection(("127.0.0.1", port)))
         bus.sendall(b"< open can0 >< rawmode >")
         threading.Thread(target=_drain, args=(bus,), daemon=True).start()
 
@@ -326,7 +337,8 @@ def flood_base(count: int) -> Result:
             data = " ".join(f"{byte:02X}" for byte in frame.data)
             bus.sendall(f"< send {frame.id:03X} {len(frame.data):X} {data} >".encode())
 
-        receive, before = ear.receive, said
+        ear, read = platform._helm.wire.ear, 0
+        receive, before = ear.receive, base.said
 
         def reading(frame, now_ns: int) -> None:
             nonlocal read
@@ -337,13 +349,13 @@ def flood_base(count: int) -> Result:
 
         def keeps_up(sent: int) -> None:
             """A bus is slow, but TCP would keep minutes of it for a reader that is late."""
-            until(lambda: read >= sent + said - before - BATCH)
+            until(lambda: read >= sent + base.said - before - BATCH)
 
-        known = sorted({frame.id for frame in codec.enable()} | set(_heard_ids(server.port)))
-        noise = (frame for frame in frames(known, random.Random(2)) if not asks(frame))
+        known = sorted({frame.id for frame in base.codec.enable()} | _heard_ids(port))
+        noise = (frame for frame in frames(known, random.Random(2)) if not base.asks(frame))
         seconds, grown_kb = pour(noise, count, send, keeps_up)
-        faults = [f"{orders} orders were sent"] if orders else []
-        if far_end.body.wheels_m != (0.0, 0.0):
+        faults = [f"{base.orders} orders were sent"] if base.orders else []
+        if base.far_end.body.wheels_m != (0.0, 0.0):
             faults.append("its wheels turned")
         ignored = f"{ear.malformed:,} malformed, {len(ear.strangers)} strange ids"
         return Result(seconds, grown_kb, ignored, (*faults, *lives(platform)))

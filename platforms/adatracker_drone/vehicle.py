@@ -12,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import math
+import time
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +25,9 @@ from mavsdk.plugins.param import Param
 from mavsdk.plugins.telemetry import LandedState, StatusTextType, Telemetry
 
 from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_drone.backlog import Backlog
 from adatracker_drone.guard import AUTOPILOT_COMPONENT
+from adatracker_drone.packets import HEARTBEAT, split
 from adatracker_drone.protocol import check_url, dialled, heartbeat_rate_json, offboard_json, set_point_json
 from adatracker_drone.signing import Signer, read_key
 from adatracker_drone.udp import UdpLink
@@ -96,6 +99,7 @@ class Vehicle:
         self._clock = clock
         self._on_mode = on_mode
         self._system_id = connection.system_id
+        self._backlog = Backlog(clock.speed)
         self._link = _udp_link(connection, self._pass_on)
         mavsdk.log_subscribe(_to_logging)
         configuration = Configuration.create_with_component_type(ComponentType.COMPANION_COMPUTER)
@@ -182,8 +186,10 @@ class Vehicle:
         self._mavsdk.destroy()
 
     def _pass_on(self, frames: bytes) -> None:
-        """Hand MAVSDK what the link has let in."""
-        self._mavsdk.pass_received_raw_bytes(frames)
+        """Hand MAVSDK what the link has let in, unless it is behind: what is old by then is better lost."""
+        heartbeats = sum(packet.message == HEARTBEAT for packet in split(frames))
+        if self._backlog.takes(heartbeats, time.monotonic()):
+            self._mavsdk.pass_received_raw_bytes(frames)
 
     def _listen(self, system: Any) -> None:
         self._autopilot = (system.get_system_id(), AUTOPILOT_COMPONENT)
@@ -193,6 +199,7 @@ class Vehicle:
         self._telemetry.subscribe_attitude_euler(self._on_attitude)
         self._telemetry.subscribe_attitude_angular_velocity_body(self._on_angular_velocity)
         self._telemetry.subscribe_flight_mode(self._on_flight_mode)
+        self._backlog.begin(time.monotonic())
         self._telemetry.subscribe_armed(
             lambda armed, _: self._hear(armed=armed, armed_t_ns=self._clock.now_ns())
         )
@@ -241,6 +248,7 @@ class Vehicle:
             self._hear(yaw_rate_frd_rad_s=data.yaw_rad_s)
 
     def _on_flight_mode(self, mode: Any, _: Any) -> None:
+        self._backlog.tell(time.monotonic())
         self._hear(mode=mode.name, mode_t_ns=self._clock.now_ns())
         self._on_mode(mode.name)
 

@@ -15,6 +15,7 @@ from adatracker_drone.protocol import (
     AltitudeHold,
     body_velocity,
     check_url,
+    dialled,
     heartbeat_rate_json,
     offboard_json,
     set_point_json,
@@ -116,17 +117,18 @@ def test_a_long_silence_does_not_make_the_reference_jump():
 
 
 @pytest.mark.parametrize(
-    ("url", "bound"),
+    ("url", "binds", "dials"),
     [
-        ("udpin://127.0.0.1:14540", ("127.0.0.1", 14540)),
-        ("udpin://0.0.0.0:14550", ("0.0.0.0", 14550)),
-        ("udpout://192.168.1.20:14550", None),
-        ("tcpout://10.0.0.2:5760", None),
-        ("serial:///dev/ttyACM0:57600", None),
+        ("udpin://127.0.0.1:14540", ("127.0.0.1", 14540), None),
+        ("udpin://0.0.0.0:14550", ("0.0.0.0", 14550), None),
+        ("udpout://192.168.1.20:14550", None, ("192.168.1.20", 14550)),
+        ("tcpout://10.0.0.2:5760", None, None),
+        ("serial:///dev/ttyACM0:57600", None, None),
     ],
 )
-def test_a_url_that_mavsdk_takes_is_accepted_and_says_what_it_binds(url, bound):
-    assert check_url(url) == bound
+def test_a_url_that_mavsdk_takes_is_accepted_and_says_what_it_binds_or_dials(url, binds, dials):
+    assert check_url(url) == binds
+    assert dialled(url) == dials
 
 
 @pytest.mark.parametrize(
