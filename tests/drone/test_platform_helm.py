@@ -137,7 +137,7 @@ def test_a_takeover_between_the_switch_and_the_engagement_is_seen():
 
 def test_a_drone_that_is_no_longer_heard_is_flown_no_further():
     rig = Rig().engage()
-    rig.clock.advance(0.29)
+    rig.clock.advance(0.26)  # of 0.27 s
     rig.steer()
     rig.clock.advance(0.02)
     count = len(rig.vehicle.sent)
@@ -151,9 +151,9 @@ def test_a_drone_that_is_no_longer_heard_is_flown_no_further():
 
 def test_silence_is_counted_in_the_machines_time():
     rig = Rig(speed=5.0).engage()
-    rig.clock.advance(1.4)
+    rig.clock.advance(1.3)
     rig.steer()
-    rig.clock.advance(0.2)
+    rig.clock.advance(0.1)
     with pytest.raises(PlatformError, match="no position"):
         rig.steer()
 
