@@ -23,13 +23,13 @@ GREY = np.full((24, 32, 3), 128, np.uint8)
 
 
 def observations(count, seed=0, gone=()):
-    """Random masks of 24 x 32 pixels, a new frame each 33 ms; in those `gone` nobody is seen."""
+    """Random masks of 24 x 32 pixels, a new frame 20 ms before each tick; in those `gone` nobody is seen."""
     rng = np.random.default_rng(seed)
     seen = []
     for seq in range(count):
         mask = rng.integers(0, 4, (24, 32)).astype(np.uint8)
         box = None if seq in gone else Box(*rng.uniform(0.2, 0.5, 4).tolist())
-        seen.append(Observation(mask, box, float(rng.uniform()), START_NS + seq * 33_333_333, seq))
+        seen.append(Observation(mask, box, float(rng.uniform()), START_NS + seq * PERIOD_NS - 20_000_000, seq))
     return seen
 
 

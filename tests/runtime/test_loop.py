@@ -206,7 +206,7 @@ class Wired(Rehearsal):
     """Its link judges every set-point 5 ms after it came and sends it within 2 ms more."""
 
     def send(self, twist, now_ns, target_share=None, seen_ns=None):
-        super().send(twist, now_ns, target_share)
+        super().send(twist, now_ns, target_share, seen_ns)
         judged_ns = self.clock.now_ns() + 5_000_000
         self.status_now = replace(FLYING, acted=Acted(now_ns, judged_ns, judged_ns + 2_000_000))
 

@@ -45,5 +45,7 @@ def strays(band_m: tuple[float, float], height_m: float) -> bool:
 
 
 def _turned(x: float, y: float, angle_rad: float) -> tuple[float, float]:
+    if math.isinf(angle_rad):  # of which there is no cosine
+        return math.nan, math.nan
     cos, sin = math.cos(angle_rad), math.sin(angle_rad)
     return cos * x - sin * y, sin * x + cos * y

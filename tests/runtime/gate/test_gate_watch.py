@@ -168,6 +168,7 @@ def test_a_robot_without_a_band_may_be_anywhere():
         ("state_lost", {"t_ns": 0}),
         ("battery", {"battery": 0.0}),
         ("geofence", {"pose": Pose(x=1000.0, z=2.0)}),
+        ("geofence", {"pose": Pose(z=2.0, yaw=math.inf), "velocity": Twist(1.0)}),
         ("altitude", {"pose": Pose(z=1000.0)}),
     ],
 )
