@@ -29,7 +29,9 @@ def observations(count, seed=0, gone=()):
     for seq in range(count):
         mask = rng.integers(0, 4, (24, 32)).astype(np.uint8)
         box = None if seq in gone else Box(*rng.uniform(0.2, 0.5, 4).tolist())
-        seen.append(Observation(mask, box, float(rng.uniform()), START_NS + seq * PERIOD_NS - 20_000_000, seq))
+        seen.append(
+            Observation(mask, box, float(rng.uniform()), START_NS + seq * PERIOD_NS - 20_000_000, seq)
+        )
     return seen
 
 
