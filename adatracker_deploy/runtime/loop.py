@@ -29,7 +29,7 @@ it zero at once (`Limits.sight_timeout_s`). A segmenter that takes 0.1 s can sti
 MISSED_IN_A_ROW = 3
 """So many slots missed in a row end the trial, at any rate of the policy; counted in machine time.
 
-At 20 Hz no command has then come for 0.2 s, which is when the gate sends zero: the robot has begun to stop
+At 20 Hz no command has then come for 0.2 s, by when the gate sends zero: the robot has begun to stop
 for want of commands, and what has begun to stop does not go on by itself."""
 BLIND_S = 2.0
 """Without a fresh observation for this long the trial ends. Machine time."""
