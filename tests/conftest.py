@@ -1,8 +1,8 @@
 """What all tests share: figures that are shown after the run, and robots that drive in real time.
 
-Tests run in two processes (``-n 2 --dist loadgroup``). What drives a robot for long runs last, a file at a
-time in each process, so that two cores have two robots at most and nothing else; and a real-time test that
-failed while the machine itself stood still is run again (`witness`), which is shown after the run.
+Tests run in two processes, a file at a time (``-n 2 --dist loadfile``). Files that drive robots for long come
+last, so that two cores then have two robots at most and nothing else; and a real-time test that failed while
+the machine itself stood still is run again (`witness`), which is shown after the run.
 """
 
 from __future__ import annotations
@@ -23,7 +23,18 @@ hypothesis.settings.register_profile("brief", deadline=None, max_examples=20, de
 hypothesis.settings.load_profile("busy")
 
 TESTS = Path(__file__).parent
-REAL_TIME = ("drone", "e2e", "outside", "quadruped", "runtime", "test_doctor", "wheeled")
+REAL_TIME = (
+    "drone",
+    "e2e",
+    "faults",
+    "outside",
+    "perception",
+    "quadruped",
+    "runtime",
+    "test_doctor",
+    "trial",
+    "wheeled",
+)
 TRIES = 3
 BEGAN_S = pytest.StashKey[float]()
 MEASURED = "measured"
@@ -39,15 +50,15 @@ def measured(record_property):
     return show
 
 
-@pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
 def pytest_collection_modifyitems(items):
+    last = set()
     for item in items:
         path = item.path.relative_to(TESTS).as_posix() if item.path.is_relative_to(TESTS) else ""
         if path.startswith(REAL_TIME):
             item.add_marker("realtime")
             if item.get_closest_marker("slow"):
-                item.add_marker(pytest.mark.xdist_group(path))
-    items.sort(key=lambda item: item.get_closest_marker("xdist_group") is not None)
+                last.add(item.path)
+    items.sort(key=lambda item: item.path in last)
 
 
 @functools.cache
