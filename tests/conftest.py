@@ -35,7 +35,7 @@ REAL_TIME = (
     "trial",
     "wheeled",
 )
-TRIES = 3
+TRIES = 4
 BEGAN_S = pytest.StashKey[float]()
 MEASURED = "measured"
 

@@ -38,7 +38,7 @@ class Witness:
         self._stalls += [tuple(map(float, line.split())) for line in lines]
         return max((length_s for end_s, length_s in self._stalls if end_s >= since_s), default=0.0)
 
-    def wait_until_calm(self, calm_s: float = 2.0, patience_s: float = 30.0) -> None:
+    def wait_until_calm(self, calm_s: float = 2.0, patience_s: float = 60.0) -> None:
         """Wait for `calm_s` without a stall, for `patience_s` at most."""
         end_s = time.monotonic() + patience_s
         while (now_s := time.monotonic()) < end_s:
