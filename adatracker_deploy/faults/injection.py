@@ -66,6 +66,8 @@ class Injection:
         self._link: LinkProcess | None = None
         self._ending = threading.Event()
         self._began_s: float | None = None
+        self._struck_s: dict[str, float] = {}
+        """When each fault last took effect, machine time."""
         self._thread = threading.Thread(target=self._run, name="faults", daemon=True)
 
     def camera(self, whole: Camera) -> Camera:
@@ -122,7 +124,8 @@ class Injection:
                 else:
                     self._say(f"fault: {name} was not injected: the trial had ended")
             elif name in on:
-                time.sleep(max(0.0, due_s - time.monotonic()))
+                over_s = self._struck_s.get(name, 0.0) + moment.fault.lasts_s  # however late it took effect
+                time.sleep(max(0.0, max(due_s, over_s) - time.monotonic()))
                 self._end(moment.fault)
 
     def _begin(self, fault: Fault) -> None:
@@ -150,6 +153,8 @@ class Injection:
     def _note(self, name: str, *, begins: bool) -> None:
         """Write it down, before anything happens of which nobody could tell any more."""
         self._witness.fault(name, begins=begins)
+        if begins:
+            self._struck_s[name] = time.monotonic()
         self._say(f"fault: {name} {'begins' if begins else 'is over'}")
 
     def _say(self, text: str) -> None:

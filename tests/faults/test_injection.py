@@ -48,4 +48,4 @@ def test_each_fault_is_ordered_or_struck_and_written_down_and_one_after_the_end_
     account = read_witness((tmp_path / FILE_NAME).read_text())
     (began_ns, *begins), (over_ns, *ends) = account.faults
     assert (begins, ends) == (["link_drop", True], ["link_drop", False])
-    assert over_ns - began_ns > 0.9 * LINK_DROP.lasts_s * 1e9  # it is noted when it begins, which may be late
+    assert over_ns - began_ns >= LINK_DROP.lasts_s * 1e9
