@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal
 
 from adatracker_deploy.geometry import Pose
 from adatracker_deploy.messages import Box
@@ -57,7 +57,7 @@ class StepRecord:
     """When the tick began, ns of the run's clock."""
     frame_seq: int
     """The camera frame that this tick acted on."""
-    box: Box | None
+    box: Box | None = None
     """The target's box, in fractions of the image; absent while the target is lost."""
     confidence: float
     """Perception's confidence in the target, 0 to 1."""
@@ -73,11 +73,11 @@ class StepRecord:
     """Why the gate changed the command, by the names of `gate.Reason`; empty when it did not."""
     mode: str
     """The robot's own name for its mode."""
-    pose: Pose | None
+    pose: Pose | None = None
     """In the robot's local fixed frame, by its own telemetry."""
-    velocity: Twist | None
+    velocity: Twist | None = None
     """Measured, in the body frame."""
-    battery: float | None
+    battery: float | None = None
     """State of charge, 0 to 1."""
     state_age_s: float
     """Age of the robot's newest telemetry; infinite before the first."""
@@ -100,13 +100,14 @@ class StepRecord:
         return self.t_ns - round(self.latency.observation_age_ms * 1e6)
 
 
-class ScoredStep(NamedTuple):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScoredStep:
     """As much of a tick as scoring needs; the fields are `StepRecord`'s."""
 
     step: int
     t_ns: int
-    box: Box | None
+    box: Box | None = None
     latency: Latency
     missed_deadlines: int
-    distance_m: float | None
-    bearing_rad: float | None
+    distance_m: float | None = None
+    bearing_rad: float | None = None

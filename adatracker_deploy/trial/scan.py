@@ -25,6 +25,8 @@ RECORD_SIZE_LIMIT = 64 << 20
 
 _OPCODE_AND_LENGTH = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
+_HEAD_SIZE = _OPCODE_AND_LENGTH.size + _MESSAGE.size
+"""Read at once: most records are messages."""
 _READ = {
     int(Opcode.HEADER): Header,
     int(Opcode.SCHEMA): Schema,
@@ -49,18 +51,21 @@ def whole_records(stream: IO[bytes], wanted: Callable[[str, int], bool]) -> Iter
     """
     topics: dict[int, str] = {}
     at, size = stream.tell(), os.fstat(stream.fileno()).st_size
-    while len(head := stream.read(_OPCODE_AND_LENGTH.size)) == _OPCODE_AND_LENGTH.size:
-        opcode, length = _OPCODE_AND_LENGTH.unpack(head)
-        at += len(head) + length
+    while len(head := stream.read(_HEAD_SIZE)) >= _OPCODE_AND_LENGTH.size:
+        opcode, length = _OPCODE_AND_LENGTH.unpack_from(head)
+        at += _OPCODE_AND_LENGTH.size + length
         if length > RECORD_SIZE_LIMIT or at > size:
             return
         try:
             if opcode == Opcode.MESSAGE:
-                channel_id, sequence, log_time, publish_time = _MESSAGE.unpack(stream.read(_MESSAGE.size))
+                channel_id, sequence, log_time, publish_time = _MESSAGE.unpack_from(
+                    head, _OPCODE_AND_LENGTH.size
+                )
                 topic = topics.get(channel_id, "")
                 data = stream.read(length - _MESSAGE.size) if wanted(topic, sequence) else b""
                 yield topic, Message(channel_id, log_time, data, publish_time, sequence)
             elif opcode in _READ:
+                stream.seek(at - length)
                 for record in _parsed(opcode, stream.read(length)):
                     if isinstance(record, Channel):
                         topics[record.id] = record.topic

@@ -59,11 +59,11 @@ class ScoredSteps(Sequence[ScoredStep]):
         values: list[Any] = [None if absent >> bit & 1 else number for bit, number in enumerate(numbers)]
         box, latency, (distance_m, bearing_rad) = values[:4], values[4:-2], values[-2:]
         return ScoredStep(
-            step,
-            t_ns,
-            None if box[0] is None else Box(*box),
-            Latency(**dict(zip(Latency.__slots__, latency, strict=True))),
-            missed,
-            distance_m,
-            bearing_rad,
+            step=step,
+            t_ns=t_ns,
+            box=None if box[0] is None else Box(*box),
+            latency=Latency(**dict(zip(Latency.__slots__, latency, strict=True))),
+            missed_deadlines=missed,
+            distance_m=distance_m,
+            bearing_rad=bearing_rad,
         )

@@ -5,12 +5,13 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+from hypothesis import strategies as st
 
 from adatracker_deploy.geometry import Pose
 from adatracker_deploy.messages import Box, Frame, MaskClass, Observation
 from adatracker_deploy.platform import Twist
 from adatracker_deploy.trial.log import TrialLog
-from adatracker_deploy.trial.record import Latency, StepRecord
+from adatracker_deploy.trial.record import Latency, ScoredStep, StepRecord
 
 START_NS = 5_000_000_000
 """The run's clock when the log began."""
@@ -42,6 +43,16 @@ def a_step(step: int, **changes) -> StepRecord:
         target_visible=True,
     )
     return dataclasses.replace(record, **changes)
+
+
+def any_steps(**fields) -> st.SearchStrategy[StepRecord]:
+    """Whatever a record may hold, in its optional fields too; `fields` are strategies of their own."""
+    return st.builds(StepRecord, **({field.name: ... for field in dataclasses.fields(StepRecord)} | fields))
+
+
+def scored(record) -> ScoredStep:
+    """As much of it as scoring needs."""
+    return ScoredStep(**{field.name: getattr(record, field.name) for field in dataclasses.fields(ScoredStep)})
 
 
 def a_frame(seq: int, width: int = 160, height: int = 120) -> Frame:

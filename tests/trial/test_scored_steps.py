@@ -8,16 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.trial.record import ScoredStep, StepRecord
 from adatracker_deploy.trial.scored_steps import ScoredSteps
-from tests.trial.records import a_step
+from tests.trial.records import a_step, any_steps, scored
 
 int64 = st.integers(-(2**63), 2**63 - 1)
-records = st.builds(StepRecord, step=int64, t_ns=int64, missed_deadlines=int64)
-
-
-def scored(record):
-    return ScoredStep(**{name: getattr(record, name) for name in ScoredStep._fields})
+records = any_steps(step=int64, t_ns=int64, missed_deadlines=int64)
 
 
 @given(st.lists(records, max_size=5))
