@@ -51,23 +51,10 @@ def shots(trial: Trial) -> Iterator[Shot]:
         raise UsageError(f"{trial.path}: no camera frames in it, so there is no film to make")
     limits = _limits(trial)
     began_ns = trial.steps[0].t_ns
-    for step, frame in _with_frames(trial):
+    for step, frame in trial.ticks_with_frames():
         when = f"{(step.t_ns - began_ns) / 1e9:.2f} s"
         drive = Drive(moves=_moves(step, limits) if step.action else None)
         yield Shot(overlay(frame.rgb, _observation(step, frame), when, drive), step.t_ns)
-
-
-def _with_frames(trial: Trial) -> Iterator[tuple[StepRecord, LoggedFrame]]:
-    """Walk through ticks and frames side by side: the numbers of both only grow."""
-    frames = trial.frames({step.frame_seq for step in trial.steps})
-    frame = next(frames, None)
-    for step in trial.steps:
-        while frame is not None and frame.seq < step.frame_seq:
-            frame = next(frames, None)
-        if frame is None:
-            return
-        if frame.seq == step.frame_seq:
-            yield step, frame
 
 
 def _observation(step: StepRecord, frame: LoggedFrame) -> Observation:

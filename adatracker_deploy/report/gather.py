@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import datetime
 from typing import TYPE_CHECKING
 
 import cv2
@@ -127,12 +126,10 @@ def _picture(step: StepRecord, frame: LoggedFrame | None, trial: Trial) -> bytes
 
 def _events(trial: Trial) -> tuple[Event, ...]:
     """Put events on the run's clock; they are logged with wall-clock time, as ticks are in every viewer."""
-    try:
-        started_s = datetime.fromisoformat(trial.about["started"]).timestamp()
-        offset_ns = round(started_s * 1e6) * 1000 - int(trial.about["run_clock_ns"])
-        first_ns = trial.steps[0].t_ns + offset_ns
-    except (KeyError, ValueError, IndexError):
+    offset_ns = trial.wall_offset_ns
+    if offset_ns is None or not trial.steps:
         return tuple(Event(time_s=None, level=event.level, message=event.message) for event in trial.events)
+    first_ns = trial.steps[0].t_ns + offset_ns
     return tuple(
         Event(time_s=(event.wall_ns - first_ns) / 1e9, level=event.level, message=event.message)
         for event in trial.events

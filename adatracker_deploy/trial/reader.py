@@ -6,6 +6,7 @@ import contextlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
@@ -48,11 +49,12 @@ class LoggedEvent(NamedTuple):
 
 
 class LoggedFrame(NamedTuple):
-    """A camera frame, RGB uint8 (H, W, 3), and its class mask, uint8 of the mask's own size."""
+    """A camera frame: RGB uint8 (H, W, 3), class mask, uint8 of the mask's own size, and the JPEG it was."""
 
     seq: int
     rgb: NDArray[np.uint8]
     mask: ClassMask
+    jpeg: bytes
 
 
 class LoggedMask(NamedTuple):
@@ -84,6 +86,15 @@ class TrialAbout:
     """Of the frames that are in the log."""
     marks: tuple[Mark, ...] = ()
     """What the operator said of it, in the order of saying."""
+
+    @property
+    def wall_offset_ns(self) -> int | None:
+        """What wall-clock time, ns, is ahead of the run's clock; None where the log does not say."""
+        try:
+            started_s = datetime.fromisoformat(self.about["started"]).timestamp()
+            return round(started_s * 1e6) * 1000 - int(self.about["run_clock_ns"])
+        except (KeyError, ValueError):
+            return None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,6 +128,21 @@ class Trial(TrialAbout):
                 continue
             with contextlib.suppress(DecodeError, ValueError, cv2.error):
                 yield _frame(record.sequence, jpeg, record.data)
+
+    def ticks_with_frames(self) -> Iterator[tuple[StepRecord, LoggedFrame]]:
+        """Walk through the ticks with the frame that each acted on; without those whose frame the log lacks.
+
+        The numbers of both only grow.
+        """
+        frames = self.frames({step.frame_seq for step in self.steps})
+        frame = next(frames, None)
+        for step in self.steps:
+            while frame is not None and frame.seq < step.frame_seq:
+                frame = next(frames, None)
+            if frame is None:
+                return
+            if frame.seq == step.frame_seq:
+                yield step, frame
 
     def masks(self) -> Iterator[LoggedMask]:
         """Read every frame's mask, in order, one at a time; a damaged one is left out.
@@ -268,9 +294,10 @@ def _records(path: Path, wanted: Callable[[str, int], bool]) -> Iterator[tuple[s
 
 def _frame(seq: int, camera: bytes, mask: bytes) -> LoggedFrame:
     """Decode a frame from its two messages."""
-    jpeg = np.frombuffer(CompressedImage.FromString(camera).data, np.uint8)
-    rgb = cv2.cvtColor(cv2.imdecode(jpeg, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
-    return LoggedFrame(seq, rgb, decode_mask(CompressedImage.FromString(mask).data))
+    jpeg = CompressedImage.FromString(camera).data
+    picture = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
+    rgb = cv2.cvtColor(picture, cv2.COLOR_BGR2RGB)
+    return LoggedFrame(seq, rgb, decode_mask(CompressedImage.FromString(mask).data), jpeg)
 
 
 def _one_line(error: Exception) -> str:
