@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -12,6 +11,7 @@ import numpy as np
 
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.messages import MaskClass
+from adatracker_deploy.trial.chart import BLUE, GAP_PX, GREY, INK, LEFT_PX, PAPER, Chart, write
 from adatracker_deploy.trial.mask_png import PALETTE
 from adatracker_deploy.trial.metrics import DESIRED_DISTANCE_M, box_reward
 
@@ -25,26 +25,17 @@ if TYPE_CHECKING:
     from adatracker_deploy.trial.record import StepRecord
 
     Image = NDArray[np.uint8]
-    Colour = tuple[int, int, int]
 
 FRAME_PX = 220
 """Height of each frame."""
 LABEL_PX = 30
 CHART_PX = 84
 """Height of each chart."""
-GAP_PX = 14
-LEFT_PX = 140
-"""Room for the charts' names and scales."""
 OVERLAY = 0.45
 """How strongly the mask is painted over a frame."""
 
-PAPER = (255, 255, 255)
-INK = (40, 44, 52)
-GREY = (130, 136, 146)
-FAINT = (226, 229, 234)
 LOST = (250, 222, 217)
 RED = (200, 50, 40)
-BLUE = (33, 105, 190)
 GREEN = PALETTE[MaskClass.TARGET]
 
 
@@ -82,7 +73,7 @@ def film_strip(trial: Trial, frames: int = 8) -> Image:
     width = max(strip.shape[1], 3 * LEFT_PX) + LEFT_PX
     height = LABEL_PX + strip.shape[0] + len(curves) * (CHART_PX + GAP_PX) + LABEL_PX
     canvas = np.full((height, width, 3), PAPER, np.uint8)
-    _write(canvas, _title(trial), (LEFT_PX, LABEL_PX - 9), INK, 0.6)
+    write(canvas, _title(trial), (LEFT_PX, LABEL_PX - 9), INK, 0.6)
     canvas[LABEL_PX : LABEL_PX + strip.shape[0], LEFT_PX : LEFT_PX + strip.shape[1]] = strip
     times_s = [(step.t_ns - began_ns) / 1e9 for step in trial.steps]
     lost = [step.box is None for step in trial.steps]
@@ -133,11 +124,11 @@ def _picture(step: StepRecord, frame: LoggedFrame, time_s: float) -> Image:
     if step.box is not None:
         _outline(image, step.box)
     label = np.full((LABEL_PX, size[0], 3), PAPER, np.uint8)
-    _write(label, f"{time_s:.1f} s", (2, 20), INK, 0.55)
+    write(label, f"{time_s:.1f} s", (2, 20), INK, 0.55)
     if step.box is None:
-        _write(label, "lost", (size[0] - 42, 20), RED, 0.55)
+        write(label, "lost", (size[0] - 42, 20), RED, 0.55)
     elif step.distance_m is not None:
-        _write(label, f"{step.distance_m:.1f} m", (size[0] - 62, 20), INK, 0.55)
+        write(label, f"{step.distance_m:.1f} m", (size[0] - 62, 20), INK, 0.55)
     return np.vstack([image, label])
 
 
@@ -163,36 +154,16 @@ def _padded(image: Image, gap_px: int) -> Image:
 
 def _chart(area: Image, curve: Curve, times_s: Sequence[float], lost: Sequence[bool]) -> None:
     """Draw a curve into a strip as wide as the picture; lost stretches are shaded."""
-    height, width = area.shape[0], area.shape[1] - LEFT_PX - GAP_PX
-    duration_s = times_s[-1] or 1.0
-
-    def at(time_s: float, value: float) -> tuple[int, int]:
-        share = (min(max(value, curve.low), curve.high) - curve.low) / (curve.high - curve.low)
-        return LEFT_PX + round(time_s / duration_s * width), round((1 - share) * (height - 3)) + 1
-
+    chart = Chart(area, times_s[-1], curve.low, curve.high)
     for before_s, now_s, gone in zip(times_s, times_s[1:], lost[1:], strict=False):
         if gone:
-            area[:, at(before_s, 0)[0] : at(now_s, 0)[0] + 1] = LOST
-    cv2.line(area, at(0, curve.wanted), at(duration_s, curve.wanted), GREY, 1)
-    cv2.rectangle(area, at(0, curve.high), at(duration_s, curve.low), FAINT, 1)
-    points = [
-        None if value is None else at(time_s, value)
-        for time_s, value in zip(times_s, curve.values, strict=True)
-    ]
-    for start, end in itertools.pairwise(points):
-        if start is not None and end is not None:
-            cv2.line(area, start, end, BLUE, 2, cv2.LINE_AA)
-    _write(area, curve.name, (GAP_PX, height // 2 + 4), INK, 0.55)
-    _write(area, f"{curve.high:g}", (LEFT_PX - 34, 12), GREY, 0.45)
-    _write(area, f"{curve.low:g}", (LEFT_PX - 34, height - 4), GREY, 0.45)
+            chart.shade(before_s, now_s, LOST)
+    chart.frame(curve.name, curve.wanted)
+    chart.curve(times_s, curve.values, BLUE)
 
 
 def _time_axis(canvas: Image, top: int, duration_s: float) -> None:
-    _write(canvas, "0 s", (LEFT_PX, top + 8), GREY, 0.55)
-    _write(canvas, f"{duration_s:.1f} s", (canvas.shape[1] - GAP_PX - 64, top + 8), GREY, 0.55)
+    write(canvas, "0 s", (LEFT_PX, top + 8), GREY, 0.55)
+    write(canvas, f"{duration_s:.1f} s", (canvas.shape[1] - GAP_PX - 64, top + 8), GREY, 0.55)
     if canvas.shape[1] > 6 * LEFT_PX:
-        _write(canvas, "shaded: target lost", (canvas.shape[1] // 2 - 40, top + 8), GREY, 0.55)
-
-
-def _write(image: Image, text: str, at: tuple[int, int], colour: Colour, scale: float) -> None:
-    cv2.putText(image, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, colour, 1, cv2.LINE_AA)
+        write(canvas, "shaded: target lost", (canvas.shape[1] // 2 - 40, top + 8), GREY, 0.55)
