@@ -15,7 +15,7 @@ from adatracker_deploy.errors import UsageError
 if TYPE_CHECKING:
     from adatracker_deploy.learning.train.settings import TrainSettings
 
-_VARIANTS = ("identification", "dynamics", "consistency", "encoder", "lstm", "last-action")
+_VARIANTS = ("identification", "dynamics", "consistency", "encoder", "lstm", "last-action", "search")
 _LINE_EVERY_S = 30.0
 
 

@@ -7,12 +7,14 @@ import os
 import signal
 import subprocess
 import sys
+from typing import get_args
 
 import pytest
 
 from adatracker_deploy.cli import main
 from adatracker_deploy.learning.data.collect import collect
 from adatracker_deploy.learning.data.recipe import load_recipe
+from adatracker_deploy.learning.train.settings import Variant
 
 TINY = ("--recipe", "paper", "--rounds", "0", "--batch", "2", "--length", "20", "--threads", "1")
 
@@ -35,6 +37,13 @@ def test_it_ends_with_the_checkpoints_path_and_one_json_object(data, tmp_path, c
     assert told["policy"] == str(tmp_path / "run" / "policy.pt")
     assert told["updates"] == 2
     assert (tmp_path / "run" / "policy.pt").is_file()
+
+
+def test_its_help_names_every_variant(capsys):
+    with pytest.raises(SystemExit):
+        main(["train", "--help"])
+    told = "".join(capsys.readouterr().out.split())  # lines break at hyphens
+    assert [name for name in get_args(Variant) if name not in told] == []
 
 
 @pytest.mark.parametrize(
