@@ -136,6 +136,7 @@ class _Trial:
             if plan.faults:
                 plan = self._injected(far_end)
         robot = DryRun if plan.dry_run else plan.platform
+        self.awake = self.stack.enter_context(plan.scheduling.awake())
         self.link = self.stack.enter_context(LinkProcess(robot, profile, self.clock, plan.scheduling))
         camera = self._open_camera(profile)
         self.progress.phase("connecting")
@@ -251,7 +252,8 @@ class _Trial:
         try:
             with plan.scheduling.while_looping():
                 if plan.scheduling:
-                    self._tell(f"loop: {obtained()}; link: {obtained(self.link.pid)}")
+                    sleep = "kept awake" if self.awake else "may sleep"
+                    self._tell(f"loop: {obtained()}; link: {obtained(self.link.pid)}; cores {sleep}")
                 self.link.send(ZERO, self.clock.now_ns())  # what was just done may have taken a while
                 return loop.run(plan.steps)
         finally:

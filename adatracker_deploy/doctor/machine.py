@@ -9,7 +9,7 @@ from pathlib import Path
 
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.platform import Check
-from adatracker_deploy.runtime.scheduling import MEND, Scheduling
+from adatracker_deploy.runtime.scheduling import MEND, MEND_AWAKE, Scheduling
 
 FEWEST_CORES = 2
 """The tracker needs one, its perception another."""
@@ -31,7 +31,7 @@ def machine_checks(place: Path) -> tuple[Check, ...]:
     return (
         cores_check(len(os.sched_getaffinity(0)), os.getloadavg()[0]),
         governor_check(governors),
-        realtime_check(_may_have_priority()),
+        realtime_check(_may_have_priority(), _may_keep_awake()),
         clock_check(
             _CLOCK.read_text().strip() if _CLOCK.exists() else None,
             time.get_clock_info("monotonic").resolution,
@@ -58,10 +58,11 @@ def governor_check(governors: set[str]) -> Check:
     return Check("frequency", ok, f"governor {', '.join(sorted(governors))}{mend}", blocking=False)
 
 
-def realtime_check(allowed: bool) -> Check:
-    """Judge whether this process may have what ``--realtime`` asks for."""
+def realtime_check(allowed: bool, awake: bool) -> Check:
+    """Judge whether this process may have what ``--realtime`` asks for: priority, and cores kept awake."""
     if allowed:
-        return Check("real-time priority", True, "allowed: --realtime")
+        sleep = "keeps cores awake" if awake else f"cores may sleep; to keep them awake: {MEND_AWAKE}"
+        return Check("real-time priority", True, f"allowed: --realtime, {sleep}")
     return Check("real-time priority", False, f"not allowed: {MEND}", blocking=False)
 
 
@@ -71,6 +72,11 @@ def _may_have_priority() -> bool:
     except UsageError:
         return False
     return True
+
+
+def _may_keep_awake() -> bool:
+    with Scheduling(realtime=True).awake() as awake:
+        return awake
 
 
 def clock_check(source: str | None, resolution_s: float) -> Check:

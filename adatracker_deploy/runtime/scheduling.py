@@ -8,6 +8,10 @@ The loop's thread alone would gain little: it needs the interpreter's lock, and 
 ordinary priority is kept from running by any busy process, and the loop with it. So the tracker's other
 Python threads (perception, the camera's reader) come before ordinary processes as well, behind the loop. A
 network's own threads, which never hold the lock, stay ordinary, and so does the log's writer.
+
+A core that has nothing to do sleeps, and takes its time to wake: on bare metal up to a fraction of a
+millisecond, on a virtual machine as long as its host likes, which was 10 ms and more. Real-time priority is
+of no use to who has not been woken, so cores are kept awake as well, where the system allows that.
 """
 
 from __future__ import annotations
@@ -15,8 +19,10 @@ from __future__ import annotations
 import contextlib
 import os
 import re
+import struct
 import threading
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from adatracker_deploy.errors import UsageError
@@ -31,6 +37,11 @@ BESIDE_PRIORITY = 20
 """Of SCHED_FIFO, 1 to 99: the link, the loop, and what shares its interpreter. Interrupts have 50."""
 MEND = "a line `USER - rtprio 50` in /etc/security/limits.d/rt.conf, then log in again"
 """How a user is allowed real-time priority."""
+LATENCY_FILE = Path("/dev/cpu_dma_latency")
+"""Whoever holds it open says how long any core may take to wake, in microseconds, a 32-bit integer
+(docs.kernel.org/power/pm_qos_interface.html)."""
+MEND_AWAKE = f'KERNEL=="{LATENCY_FILE.name}", GROUP="realtime", MODE="0660" in a file in /etc/udev/rules.d'
+"""How a group of users is allowed to keep cores awake."""
 
 _POLICIES = {os.SCHED_OTHER: "ordinary priority", os.SCHED_FIFO: "SCHED_FIFO", os.SCHED_RR: "SCHED_RR"}
 _PART = re.compile(r"(\d{1,5})(?:-(\d{1,5}))?", re.ASCII)
@@ -56,6 +67,17 @@ class Scheduling:
         """
         with _kept(0):
             self.take(LINK_PRIORITY)
+
+    @contextlib.contextmanager
+    def awake(self) -> Iterator[bool]:
+        """Keep the machine's cores awake in real time, where that is allowed; give whether they are."""
+        with contextlib.ExitStack() as stack:
+            held = False
+            with contextlib.suppress(OSError):
+                if self.realtime:
+                    file = stack.enter_context(LATENCY_FILE.open("wb", buffering=0))
+                    held = file.write(struct.pack("=i", 0)) > 0
+            yield held
 
     @contextlib.contextmanager
     def while_looping(self) -> Iterator[None]:

@@ -17,6 +17,7 @@ from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_deploy.runtime.link_process import LinkProcess
 from adatracker_deploy.runtime.scheduling import (
     BESIDE_PRIORITY,
+    LATENCY_FILE,
     LINK_PRIORITY,
     LOOP_PRIORITY,
     Scheduling,
@@ -113,6 +114,42 @@ def test_nothing_asked_for_is_nothing_changed():
     before = obtained()
     with Scheduling().while_looping():
         assert obtained() == before
+
+
+@pytest.fixture
+def latency_file(tmp_path, monkeypatch):
+    """Stands where the kernel's file is, which only some may open."""
+    file = tmp_path / "cpu_dma_latency"
+    monkeypatch.setattr("adatracker_deploy.runtime.scheduling.LATENCY_FILE", file)
+    return file
+
+
+def is_open(file):
+    return any(each.exists() and each.samefile(file) for each in Path("/proc/self/fd").iterdir())
+
+
+def test_in_real_time_cores_are_kept_awake_by_an_open_file(latency_file):
+    with Scheduling(realtime=True).awake() as awake:
+        assert awake
+        assert latency_file.read_bytes() == bytes(4)
+        assert is_open(latency_file)
+    assert not is_open(latency_file)
+
+
+def test_cores_sleep_where_nothing_was_asked_for_or_the_system_does_not_allow_it(latency_file):
+    with Scheduling().awake() as awake:
+        assert not awake
+    assert not latency_file.exists()
+    latency_file.mkdir()
+    with Scheduling(realtime=True).awake() as awake:
+        assert not awake
+
+
+@pytest.mark.skipif(not os.access(LATENCY_FILE, os.R_OK | os.W_OK), reason="needs leave to keep cores awake")
+def test_the_kernel_grants_it():
+    with Scheduling(realtime=True).awake() as awake:
+        assert awake
+        assert LATENCY_FILE.read_bytes()[:4] == bytes(4)
 
 
 class Threaded(FakePlatform):
