@@ -1,6 +1,7 @@
 """How well the loop keeps time: whole rehearsals at 20 Hz, with and without a log, idle and beside CPU hogs.
 
-Run with ``python benchmarks/loop.py [--minutes 10] [--hogs 0 4] [--log yes no] [--realtime] [--cpu LIST]``.
+Run with ``python benchmarks/loop.py [--minutes 10] [--hogs 0 4] [--log yes no] [--awake] [--realtime]
+[--cpu LIST]``.
 
 The simulated robot is started once a row and goes on running. It stands for a machine of its own: where the
 system allows, it is given precedence over all else here (nice -18). The hogs begin when the loop does.
@@ -16,6 +17,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import itertools
 import os
 import tempfile
 import time
@@ -146,16 +148,18 @@ def main():
     parser.add_argument("--platform", default="wheeled")
     parser.add_argument("--hogs", type=int, nargs="+", default=[0, 4], help="busy processes beside it")
     parser.add_argument("--log", choices=("yes", "no"), nargs="+", default=["yes", "no"])
+    parser.add_argument("--awake", action="store_true", help="keep cores awake, as --realtime does")
     parser.add_argument("--realtime", action="store_true", help="SCHED_FIFO for loop and link")
     parser.add_argument("--cpu", metavar="LIST", help="cores for loop and link")
     options = parser.parse_args()
     cpus = read_cpus(options.cpu, os.sched_getaffinity(0)) if options.cpu else frozenset()
     scheduling = Scheduling(options.realtime, cpus)
     scheduling.check()
-    print(f"{options.platform}, {time.strftime('%Y-%m-%d')}, {machine()}, {scheduling}", flush=True)
-    print(HEAD)
-    for hogs in options.hogs:
-        for log in options.log:
+    with Scheduling(options.realtime or options.awake).awake() as awake:
+        told = f"{machine()}, {scheduling}, cores {'awake' if awake else 'may sleep'}"
+        print(f"{options.platform}, {time.strftime('%Y-%m-%d')}, {told}", flush=True)
+        print(HEAD)
+        for hogs, log in itertools.product(options.hogs, options.log):
             without = patch("adatracker_deploy.trial_run.TrialLog", NoLog)
             with without if log == "no" else contextlib.nullcontext():
                 trials, endings = measured(options.platform, options.minutes, hogs, scheduling)

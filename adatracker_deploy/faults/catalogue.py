@@ -16,8 +16,10 @@ class Fault:
     """Machine time after which it is over by itself; 0 for what happens once, or stays."""
 
 
-CAMERA_FREEZE = Fault("camera_freeze", "the camera repeats one picture, time stamp and all", 2.0)
-CAMERA_GONE = Fault("camera_gone", "the camera's server is gone, and comes back", 2.0)
+BLIND_FOR_S = 3.0
+"""Longer than the loop waits for a frame: what ends sooner is ridden out."""
+CAMERA_FREEZE = Fault("camera_freeze", "the camera repeats one picture, time stamp and all", BLIND_FOR_S)
+CAMERA_GONE = Fault("camera_gone", "the camera's server is gone, and comes back", BLIND_FOR_S)
 LINK_DROP = Fault("link_drop", "the wire is cut, and mended", 2.0)
 ROBOT_SILENT = Fault("robot_silent", "the robot hears but tells nothing", 2.0)
 BATTERY_LOW = Fault("battery_low", "5 % of the charge are left")
@@ -25,7 +27,7 @@ BATTERY_LOW = Fault("battery_low", "5 % of the charge are left")
 
 OURS = (
     CAMERA_FREEZE,  # where the far end carries no camera
-    Fault("segmenter_stall", "the segmenter does not return", 2.0),
+    Fault("segmenter_stall", "the segmenter does not return", BLIND_FOR_S),
     Fault("segmenter_error", "the segmenter raises an error"),
     Fault("policy_nan", "the policy's action is not a number"),
     Fault("policy_inf", "the policy's action is infinite"),

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.faults.catalogue import CAMERA_GONE, OURS, Fault, known_faults
 from adatracker_deploy.faults.schedule import LATEST_S, Strike, parse_schedule, timeline
+from adatracker_deploy.runtime.loop import BLIND_S
 
 KNOWN = known_faults((CAMERA_GONE,))
 NAMES = st.sampled_from(sorted(KNOWN))
@@ -54,7 +55,7 @@ def test_anything_else_is_refused_in_one_line_or_is_a_schedule(text):
             "earthquake@3",
             "unknown for this rehearsal; known are action_jump, camera_freeze, camera_gone, cpu_h",
         ),
-        ("segmenter_stall@3,segmenter_stall@4.9", "it lasts until 5 s from before"),
+        ("policy_hang@3,policy_hang@4.9", "it lasts until 5 s from before"),
         ("policy_nan@3,policy_nan@60", "it lasts until 3600 s from before"),
     ],
 )
@@ -65,7 +66,7 @@ def test_what_is_wrong_is_named(text, words):
 
 
 def test_a_fault_that_is_over_may_come_again():
-    strikes = parse_schedule(["segmenter_stall@3", "segmenter_stall@5.5"], KNOWN)
+    strikes = parse_schedule(["policy_hang@3", "policy_hang@5.5"], KNOWN)
     assert [strike.at_s for strike in strikes] == [3.0, 5.5]
 
 
@@ -82,8 +83,8 @@ def test_every_strike_begins_and_what_lasts_ends_after_as_long(strikes):
 
 
 def test_one_that_ends_as_another_begins_ends_first():
-    stall = KNOWN["segmenter_stall"]
-    moments = timeline([Strike(stall, 1.0), Strike(stall, 3.0)])
+    hang = KNOWN["policy_hang"]
+    moments = timeline([Strike(hang, 1.0), Strike(hang, 3.0)])
     assert [(moment.at_s, moment.begins) for moment in moments] == [
         (1.0, True),
         (3.0, False),
@@ -95,5 +96,5 @@ def test_one_that_ends_as_another_begins_ends_first():
 def test_a_far_ends_own_way_comes_before_ours():
     theirs = Fault("camera_freeze", "its own way", 7.0)
     assert known_faults((theirs,))["camera_freeze"] is theirs
-    assert known_faults(())["camera_freeze"].lasts_s == 2.0
+    assert known_faults(())["camera_freeze"].lasts_s > BLIND_S
     assert all(math.isfinite(fault.lasts_s) for fault in KNOWN.values())

@@ -33,18 +33,20 @@ def judge(
     """
     before_ns = max(state.last_ns, state.armed_ns)
     now_ns = max(now_ns, before_ns)
+    pause_s = (now_ns - before_ns) / 1e9
     if setpoint is None or setpoint.t_ns < state.armed_ns:
         setpoint = Setpoint(ZERO, state.armed_ns)
     age_s = (now_ns - setpoint.t_ns) / 1e9
     if age_s < -limits.command_timeout_s:
         age_s = math.inf
+    silence_s = max(age_s, pause_s)  # a gate that did not judge let nothing pass, however fresh it is now
     warned = warnings(limits, robot)
     start = state.start or robot.pose
     state = replace(state, last_ns=now_ns, start=start, close=too_close(limits, state, setpoint.target_share))
     stop = state.stop or next(
-        chain(stops(limits, state, robot, now_ns), command_stops(limits, setpoint, age_s)), None
+        chain(stops(limits, state, robot, now_ns), command_stops(limits, setpoint, silence_s)), None
     )
-    if age_s > limits.disengage_after_s:
+    if silence_s > limits.disengage_after_s:
         stop = replace(stop or Stop(Reason.COMMAND_LOST), stage=Stage.DISENGAGE)
     if stop is not None:
         still = replace(state, last=ZERO, rate=ZERO, stop=stop)
@@ -54,7 +56,7 @@ def judge(
         return still, Verdict(ZERO, Stage.ZERO, (late,), warned)
     if state.moving_ns is None and setpoint.twist != ZERO:
         state = replace(state, moving_ns=now_ns)
-    dt_s = min((now_ns - before_ns) / 1e9, LONGEST_STEP_S)
+    dt_s = min(pause_s, LONGEST_STEP_S)
     state, reasons = move(limits, state, setpoint.twist, robot, dt_s)
     return state, Verdict(state.last, Stage.OBEY, reasons, warned)
 

@@ -35,11 +35,11 @@ def stops(limits: Limits, state: GateState, robot: PlatformState, now_ns: int) -
         yield from _unless_off(limits, Reason.ALTITUDE)
 
 
-def command_stops(limits: Limits, setpoint: Setpoint, age_s: float) -> Iterator[Stop]:
-    """Give every reason that the newest set-point, `age_s` old, is for stopping."""
+def command_stops(limits: Limits, setpoint: Setpoint, silence_s: float) -> Iterator[Stop]:
+    """Give every reason to stop that the newest set-point is, after `silence_s` without a fresh one."""
     if not setpoint.twist.is_finite():
         yield Stop(Reason.NOT_FINITE)
-    if age_s > limits.hold_after_s:
+    if silence_s > limits.hold_after_s:
         yield Stop(Reason.COMMAND_LOST)
 
 

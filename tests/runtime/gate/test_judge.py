@@ -128,7 +128,7 @@ def test_a_clock_from_before_arming_moves_nothing():
 def test_a_pause_of_the_gate_does_not_let_the_next_command_jump():
     gate = Gate()
     assert gate.cruise(Twist(yaw_rate=0.1)).twist.yaw_rate == 0.1
-    verdict = gate.ask(Twist(vx=1.5), dt_s=60.0, t_ns=gate.now_ns + 60_000_000_000)
+    verdict = gate.ask(Twist(vx=1.5), dt_s=gate.limits.hold_after_s)
     assert LONGEST_STEP_S == 0.1
     assert verdict.twist.vx <= gate.limits.accel_m_s2 * LONGEST_STEP_S
     late = Gate()
@@ -152,3 +152,18 @@ def test_an_engagement_remembers_nothing_of_the_one_before():
     assert (state.last, state.rate, state.close, state.stop) == (ZERO, ZERO, False, None)
     assert state.moving_ns is None
     assert verdict.stage is Stage.OBEY
+
+
+def test_a_gate_that_stood_still_for_as_long_as_a_lost_command_stops_however_fresh_the_next_one_is():
+    gate = Gate()
+    gate.cruise(GO)
+    verdict = gate.ask(GO, dt_s=gate.limits.hold_after_s + 1e-3)
+    assert (verdict.twist, verdict.stage, verdict.reasons) == (ZERO, Stage.HOLD, (Reason.COMMAND_LOST,))
+    assert gate.ask(GO).stage is Stage.HOLD
+
+
+def test_a_gate_that_stood_still_for_longer_gives_the_robot_up():
+    gate = Gate()
+    gate.cruise(GO)
+    verdict = gate.ask(GO, dt_s=gate.limits.disengage_after_s + 1e-3)
+    assert (verdict.twist, verdict.stage, verdict.reasons) == (ZERO, Stage.DISENGAGE, (Reason.COMMAND_LOST,))
