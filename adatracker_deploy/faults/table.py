@@ -10,10 +10,10 @@ from rich.table import Table
 from rich.text import Text
 
 from adatracker_deploy.errors import UsageError
-from adatracker_deploy.faults.matrix import NOT_SHOWN
+from adatracker_deploy.faults.matrix import NOT_SHOWN, REFUSALS, ROWS
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from rich.console import RenderableType
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 BEGIN, END = "<!-- faults: begin -->", "<!-- faults: end -->"
 """Around the section of a Markdown file that is written here."""
+_ORDER = [*(row.fault for row in ROWS), *(refusal.name for refusal in REFUSALS)]
 _COLOURS = {"ok": "green", "LATE": "red", "WRONG": "red", "not shown": "yellow"}
 
 
@@ -100,9 +101,9 @@ def markdown(results: Sequence[Result], day: str) -> str:
         f"| fault | what happens | limit | {' | '.join(robots)} |",
         f"|---|---|---|{'---|' * len(robots)}",
     ]
-    for fault in dict.fromkeys(result.fault for result in results):
+    for fault in sorted({result.fault for result in results}, key=_ORDER.index):
         of_it = {result.platform: result for result in results if result.fault == fault}
-        limits = ", ".join(dict.fromkeys(result.limit for result in of_it.values() if result.limit))
+        limits = _limits(of_it)
         why = next((f": {result.why}" for result in of_it.values() if result.why), "")
         says = next((result.says for result in of_it.values() if result.says), "")
         fields = (_field(of_it[robot]) if robot in of_it else "" for robot in robots)
@@ -110,6 +111,14 @@ def markdown(results: Sequence[Result], day: str) -> str:
     lines += ["", "Not shown in a rehearsal:", ""]
     lines += [f"* `{name}`: {why}." for name, why in NOT_SHOWN.items()]
     return "\n".join((*lines, ""))
+
+
+def _limits(of_it: Mapping[str, Result]) -> str:
+    """Return the limit, or each robot's own."""
+    limits = {robot: result.limit for robot, result in of_it.items() if result.limit}
+    if len(set(limits.values())) > 1:
+        return ", ".join(f"{robot} {limit}" for robot, limit in limits.items())
+    return next(iter(limits.values()), "")
 
 
 def _unshown(result: Result) -> bool:

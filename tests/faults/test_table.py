@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from rich.console import Console
 
@@ -91,3 +93,16 @@ def test_a_file_without_the_section_is_refused_and_left_alone(tmp_path, text):
 def test_a_file_that_is_not_there_is_refused(tmp_path):
     with pytest.raises(UsageError, match="cannot be read"):
         write_markdown(tmp_path / "none.md", RESULTS, "2030-01-02")
+
+
+def test_faults_stand_in_the_matrix_order_and_limits_that_differ_with_their_robots():
+    text = markdown(
+        [
+            replace(RESULTS[0], platform="drone", fault="link_stop", limit="stands 3 s", why=""),
+            replace(RESULTS[0], platform="wheeled", fault="link_stop", limit="stands 2 s", why=""),
+            replace(RESULTS[0], fault="camera_freeze"),
+        ],
+        "2030-01-02",
+    )
+    assert "| drone stands 3 s, wheeled stands 2 s |" in text
+    assert text.index("`camera_freeze`") < text.index("`link_stop`")

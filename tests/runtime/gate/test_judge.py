@@ -167,3 +167,17 @@ def test_a_gate_that_stood_still_for_longer_gives_the_robot_up():
     gate.cruise(GO)
     verdict = gate.ask(GO, dt_s=gate.limits.disengage_after_s + 1e-3)
     assert (verdict.twist, verdict.stage, verdict.reasons) == (ZERO, Stage.DISENGAGE, (Reason.COMMAND_LOST,))
+
+
+def test_what_a_stop_or_a_stale_command_interrupts_starts_again_from_no_acceleration():
+    for interrupted in ({"age_s": 0.3}, {"engaged": False}):
+        gate = Gate()
+        gate.cruise(GO, seconds=0.2)
+        assert gate.state.rate.vx > 0
+        assert gate.ask(GO, **interrupted).twist == ZERO
+        assert gate.state.rate == ZERO
+
+
+def test_a_robot_that_is_given_up_before_it_would_be_held_is_told_why():
+    verdict = Gate(hold_after_s=2.0, disengage_after_s=1.5).ask(GO, dt_s=1.6, age_s=1.6)
+    assert (verdict.stage, verdict.reasons) == (Stage.DISENGAGE, (Reason.COMMAND_LOST,))
