@@ -14,7 +14,8 @@ DIR holds ``video/vtest.avi`` (PETS09-S2L1, 795 frames, 7 a second), its MOT15 g
   without success. The constants of the lock were chosen on this very footage: no other was at hand.
 * noise: the same runs in the terms of `world/noise.py`: how often and for how long the target has no box,
   and false people with a score of 0.5 or more.
-* speed: from a decoded frame of 640x480 to the observation, each frame in this thread; and each model alone.
+* speed: from a decoded frame of 640x480 to the observation, frame by frame, as the embedded segmenter is used
+  (the second of two people who are cut out has the other core); and each model alone.
 * memory: so many frames through camera, perception thread and embedded segmenter, clip after clip, each
   opened anew as trials do it; resident memory, threads and open files on the way. Only when asked for.
 """

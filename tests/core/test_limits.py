@@ -32,7 +32,14 @@ def test_everything_is_on_by_default():
 
 @given(st.floats(0.01, 1))
 def test_a_cap_takes_its_share_of_every_speed_and_of_nothing_else(share):
-    made = limits(lateral_m_s=0.5, vertical_m_s=2, forward_m_s=4, yaw_rate_rad_s=3, switched_off=["jerk"])
+    speeds = {
+        "forward_m_s": 4,
+        "backward_m_s": 0.8,
+        "lateral_m_s": 0.5,
+        "vertical_m_s": 2,
+        "yaw_rate_rad_s": 3,
+    }
+    made = limits(**speeds, switched_off=["jerk"])
     before, after = dataclasses.asdict(made), dataclasses.asdict(made.capped(share))
     for name in ("forward_m_s", "backward_m_s", "lateral_m_s", "vertical_m_s", "yaw_rate_rad_s"):
         assert after.pop(name) == share * before.pop(name)
