@@ -252,8 +252,9 @@ class _Trial:
         try:
             with plan.scheduling.while_looping():
                 if plan.scheduling:
-                    sleep = "kept awake" if self.awake else "may sleep"
-                    self._tell(f"loop: {obtained()}; link: {obtained(self.link.pid)}; cores {sleep}")
+                    self._tell(f"loop: {obtained()}; link: {obtained(self.link.pid)}")
+                if plan.scheduling.realtime:
+                    self._tell(f"cores {'are kept awake' if self.awake else 'may sleep'}")
                 self.link.send(ZERO, self.clock.now_ns())  # what was just done may have taken a while
                 return loop.run(plan.steps)
         finally:

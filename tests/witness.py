@@ -4,20 +4,15 @@ A virtual machine's host may stop a core for a tenth of a second and more; to ev
 seem silent, and robots are rightly stopped. The witness wants to run every 5 ms on each core, in a process of
 its own, and writes down when it could not. A real-time test that failed meanwhile says nothing about what it
 tests.
-
-It also sees that there are fewer such stalls: a host is slow to give back a core that has slept, so on each
-core a process that comes after all others works at nothing.
 """
 
 from __future__ import annotations
 
-import contextlib
 import os
 import subprocess
 import sys
 import threading
 import time
-from pathlib import Path
 
 PERIOD_S = 0.005
 STALL_S = 0.05
@@ -57,18 +52,6 @@ class Witness:
         self._process.stdout.close()
 
 
-def _keep_awake(core: int, parent: int) -> None:
-    """Be busy whenever nobody else wants the core, until the parent is gone."""
-    os.setsid()
-    with contextlib.suppress(OSError):  # a session has its share of a core, however modest its processes
-        Path("/proc/self/autogroup").write_text("19", encoding="ascii")
-    os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
-    os.sched_setaffinity(0, {core})
-    while os.getppid() == parent:
-        for _ in range(1_000_000):
-            pass
-
-
 def _watch(core: int) -> None:
     os.sched_setaffinity(threading.get_native_id(), {core})
     last_s = time.monotonic()
@@ -81,11 +64,6 @@ def _watch(core: int) -> None:
 
 
 if __name__ == "__main__":
-    for each in os.sched_getaffinity(0):
-        witness = os.getpid()
-        if os.fork() == 0:
-            _keep_awake(each, witness)
-            os._exit(0)
     for each in os.sched_getaffinity(0):
         threading.Thread(target=_watch, args=(each,), daemon=True).start()
     os.write(1, b"\n")

@@ -14,7 +14,7 @@ from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.trial.reader import find_trials, read_scored, read_trial
-from tests.trial.records import a_step, a_trial
+from tests.trial.records import a_step, a_trial, scored
 
 STEPS = 6
 reuses_a_file = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -115,11 +115,11 @@ def test_a_log_of_an_older_format_says_what_would_read_it(whole, tmp_path):
 
 
 def test_scoring_reads_of_every_tick_what_reading_it_whole_gives(whole):
-    trial, scored = read_trial(whole), read_scored(whole)
+    trial, marks = read_trial(whole), read_scored(whole)
     for name in ("path", "planned_steps", "config", "summary", "events", "complete"):
-        assert getattr(scored, name) == getattr(trial, name)
-    for mark, record in zip(scored.steps, trial.steps, strict=True):
-        assert {name: getattr(record, name) for name in mark._fields} == mark._asdict()
+        assert getattr(marks, name) == getattr(trial, name)
+    for mark, record in zip(marks.steps, trial.steps, strict=True):
+        assert mark == scored(record)
 
 
 @pytest.mark.parametrize("compression", [CompressionType.NONE, CompressionType.LZ4, CompressionType.ZSTD])
