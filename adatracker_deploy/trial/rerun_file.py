@@ -94,13 +94,16 @@ def _numbers(step: StepRecord) -> Mapping[str, float | None]:
         "target/confidence": step.confidence,
         "truth/distance_m": step.distance_m,
         "truth/bearing_rad": step.bearing_rad,
+        **(
+            {f"pose/{name}": getattr(step.pose, name) for name in ("x", "y", "z", "yaw")} if step.pose else {}
+        ),
         "robot/battery": step.battery,
         "robot/state_age_s": step.state_age_s,
     }
 
 
 def _write_pictures(rr: Any, recording: Any, trial: Trial) -> None:
-    """Write frames, masks and boxes, each at the tick that acted on it, and where the robot was."""
+    """Write frames, masks and boxes, each at the tick that acted on it."""
     names = [(kind.value, kind.name.lower(), PALETTE[kind]) for kind in MaskClass]
     recording.log("camera", rr.AnnotationContext(names), static=True)
     began_ns = trial.steps[0].t_ns

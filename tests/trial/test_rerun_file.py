@@ -36,6 +36,7 @@ def test_what_can_be_plotted_is_what_was_known_and_moved():
     assert series["velocity/measured/vx"] == {0: 0.7}
     assert not [name for name in series if name.endswith(("/vy", "/vz"))]
     assert series["action/1"] == {0: -0.25}
+    assert (series["pose/x"], series["pose/yaw"]) == ({1: 1.0}, {1: 0.3})
     assert (series["robot/state_age_s"], series["truth/distance_m"]) == ({1: 0.5}, {1: 2.0})
     assert "robot/battery" not in {name for name in series if 0 in series[name]}
     assert series["latency_ms/infer"] == {0: 2, 1: 2}
