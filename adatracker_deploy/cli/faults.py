@@ -3,30 +3,43 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import json
 import tempfile
-from collections.abc import Callable
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
+from adatracker_deploy.cli.ranges import whole
 from adatracker_deploy.errors import UsageError
 
 if TYPE_CHECKING:
     import argparse
+    from collections.abc import Callable, Sequence
 
     from adatracker_deploy.faults.catalogue import Fault
     from adatracker_deploy.faults.judge import Result
     from adatracker_deploy.faults.stalls import Stalls
 
-Job = Callable[["Stalls", Path], "Result"]
-"""Runs one row in an empty folder."""
-
 TRIES = 3
 STALLED_S = 0.03
 """A machine that stood still for so long explains a row that went wrong, and it is run again."""
+MOST_AT_ONCE = 8
+
+
+class Job(NamedTuple):
+    """A row, still to be run."""
+
+    run: Callable[[Stalls, Path], Result]
+    """In an empty folder."""
+    platform: str
+    """Two rows of one robot, whose ports may be its profile's, never run at once."""
+    alone: bool = False
+    """Nor with any other."""
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -44,6 +57,14 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument(
         "--fault", action="extend", nargs="+", metavar="NAME", help="these faults (default: all)"
     )
+    parser.add_argument(
+        "--at-once",
+        type=whole(1, MOST_AT_ONCE),
+        default=1,
+        metavar="N",
+        help="robots to rehearse side by side; a row that goes wrong so is run again alone, and that counts "
+        "(default: %(default)s)",
+    )
     parser.add_argument("--markdown", type=Path, metavar="FILE", help="write the table into this file too")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
     parser.set_defaults(run=run)
@@ -58,19 +79,20 @@ def run(args: argparse.Namespace) -> int:
 
     jobs = _jobs(args)
     console = Console(stderr=args.json)
-    results = []
+    told = itertools.count(1)
+
+    def tell(result: Result) -> None:
+        time_s = "-" if result.told_s is None else f"{result.told_s:.2f} s"
+        console.print(
+            f"{next(told)}/{len(jobs)} {result.platform} {result.fault}: {result.verdict}, {time_s}, machine "
+            f"stalled {result.stall_s:.2f} s {result.note}".rstrip(),
+            markup=False,
+            soft_wrap=True,
+        )
+
     day = datetime.now(UTC).date().isoformat()
     with Stalls() as stalls:
-        for number, job in enumerate(jobs, start=1):
-            result = _until_calm(job, stalls)
-            told = "-" if result.told_s is None else f"{result.told_s:.2f} s"
-            console.print(
-                f"{number}/{len(jobs)} {result.platform} {result.fault}: {result.verdict}, {told}, machine "
-                f"stalled {result.stall_s:.2f} s {result.note}".rstrip(),
-                markup=False,
-                soft_wrap=True,
-            )
-            results.append(result)
+        results = _run_all(jobs, args.at_once, stalls, tell)
     results += _absent(args)
     console.print(results_table(results))
     if args.markdown is not None:
@@ -88,7 +110,7 @@ def _jobs(args: argparse.Namespace) -> list[Job]:
     Raises:
         UsageError: no such robot, no such fault, or the Markdown file has no place for the table.
     """
-    from adatracker_deploy.faults.matrix import REFUSALS, ROWS
+    from adatracker_deploy.faults.matrix import REFUSALS, ROWS, TIMING
     from adatracker_deploy.faults.refusals import refuse
     from adatracker_deploy.faults.rehearse import rehearse
     from adatracker_deploy.faults.table import check_section
@@ -103,11 +125,15 @@ def _jobs(args: argparse.Namespace) -> list[Job]:
     jobs: list[Job] = []
     for platform, known in _robots(args):
         jobs += [
-            partial(rehearse, row, platform, known[row.fault].says)
+            Job(partial(rehearse, row, platform, known[row.fault].says), platform, row.measure in TIMING)
             for row in ROWS
             if row.fault in wanted and row.fault in known
         ]
-        jobs += [partial(refuse, refusal, platform) for refusal in REFUSALS if refusal.name in wanted]
+        jobs += [
+            Job(partial(refuse, refusal, platform), platform)
+            for refusal in REFUSALS
+            if refusal.name in wanted
+        ]
     return jobs
 
 
@@ -147,11 +173,46 @@ def _robots(args: argparse.Namespace) -> list[tuple[str, dict[str, Fault]]]:
     return robots
 
 
+def _run_all(
+    jobs: Sequence[Job], at_once: int, stalls: Stalls, tell: Callable[[Result], None]
+) -> list[Result]:
+    """Run all rows, robots side by side; then alone those that must be, or went wrong beside another."""
+    results: dict[int, Result] = {}
+    ending = threading.Event()
+
+    def rehearse_one(platform: str) -> None:
+        for at, job in enumerate(jobs):
+            if job.platform != platform or job.alone or ending.is_set():
+                continue
+            result = _once(job, stalls)
+            if result.verdict == "ok":
+                results[at] = result
+                tell(result)
+
+    if at_once > 1:
+        with ThreadPoolExecutor(at_once) as pool:
+            robots = [pool.submit(rehearse_one, name) for name in dict.fromkeys(job.platform for job in jobs)]
+            try:
+                for robot in robots:
+                    robot.result()
+            finally:
+                ending.set()
+    for at, job in enumerate(jobs):
+        if at not in results:
+            results[at] = _until_calm(job, stalls)
+            tell(results[at])
+    return [results[at] for at in range(len(jobs))]
+
+
+def _once(job: Job, stalls: Stalls) -> Result:
+    with tempfile.TemporaryDirectory(prefix="faults-") as folder:
+        return job.run(stalls, Path(folder))
+
+
 def _until_calm(job: Job, stalls: Stalls) -> Result:
     """Run a row, and once or twice more where the machine stood still while it went wrong."""
     for tries in range(1, TRIES + 1):
-        with tempfile.TemporaryDirectory(prefix="faults-") as folder:
-            result = replace(job(stalls, Path(folder)), tries=tries)
+        result = replace(_once(job, stalls), tries=tries)
         if result.verdict == "ok" or result.stall_s < STALLED_S:
             break
     return result

@@ -21,6 +21,8 @@ STILL_M_S = {True: 0.3, False: 0.05}
 """Slower than this a robot stands, by whether it flies: a drone that hovers in wind is never quite still."""
 JITTER_S = 0.05
 """By how much two commands may be further apart, or nearer, than they were sent."""
+GAPS_S = 0.5
+"""Before and after the onset, in which gaps between commands are looked at."""
 
 Verdict = Literal["ok", "LATE", "WRONG", "not shown"]
 
@@ -145,12 +147,13 @@ def _shows_nothing(row: Row, evidence: Evidence, onset_ns: int | None) -> str:
 
 def _gap(commands: tuple[Told, ...], onset_ns: int) -> tuple[float, str]:
     """Return by how much the gate was late at the worst, s."""
+    gaps_s = [
+        ((later.t_ns - onset_ns) / 1e9, (later.t_ns - earlier.t_ns) / 1e9)
+        for earlier, later in pairwise(commands)
+    ]
     before_s, gap_s = (
-        max(((b - a) / 1e9 for a, b in pairwise(near)), default=math.inf)
-        for near in (
-            [told.t_ns for told in commands if -5e8 < told.t_ns - onset_ns < 0],
-            [told.t_ns for told in commands if -1e8 < told.t_ns - onset_ns < 5e8],
-        )
+        max((gap_s for over_s, gap_s in gaps_s if since_s < over_s <= until_s), default=math.inf)
+        for since_s, until_s in ((-GAPS_S, 0.0), (0.0, GAPS_S))
     )
     return gap_s - SLOT_S, f"commands at most {gap_s * 1e3:.0f} ms apart, {before_s * 1e3:.0f} ms before it"
 

@@ -15,6 +15,9 @@ Measure = Literal["told", "latched", "stands", "gap", "burst", "acceleration", "
 the robot goes on: the commands' largest gap, the ticks' smallest, the acceleration asked for, and that the
 trouble is told."""
 
+TIMING: frozenset[Measure] = frozenset({"gap", "burst"})
+"""Measures of the loop's timing itself: no other robot may be rehearsed beside them."""
+
 STOPPED = frozenset({"safety_stop", "system_fault"})
 TAKEN = frozenset({"takeover"})
 WENT_ON = frozenset({"completed", "lost", "collision"})

@@ -1,7 +1,8 @@
-"""How long the machine itself stood still: a thread that sleeps, and notes how much too long."""
+"""How long the machine itself stood still: on each core a thread that sleeps, and notes how much too long."""
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from typing import Self
@@ -18,18 +19,24 @@ class Stalls:
         self._noted: list[tuple[int, float]] = []
         """(machine time at which it was over, ns; how long it took, s)."""
         self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._watch, name="stalls", daemon=True)
+        # A host may stop one core alone, and with it whichever of a robot's processes was on it.
+        self._threads = [
+            threading.Thread(target=self._watch, args=(core,), name=f"stalls of core {core}", daemon=True)
+            for core in sorted(os.sched_getaffinity(0))
+        ]
 
     def __enter__(self) -> Self:
-        self._thread.start()
+        for thread in self._threads:
+            thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._ended.set()
-        self._thread.join()
+        for thread in self._threads:
+            thread.join()
 
     def largest_s(self, since_ns: int, until_ns: int) -> float:
-        """Return the longest stall of those that reach into a span of machine time; 0 for none."""
+        """Return the longest stall, of any core, that reaches into a span of machine time; 0 for none."""
         return max(
             (
                 stall_s
@@ -39,7 +46,8 @@ class Stalls:
             default=0.0,
         )
 
-    def _watch(self) -> None:
+    def _watch(self, core: int) -> None:
+        os.sched_setaffinity(threading.get_native_id(), {core})
         slept_ns = time.monotonic_ns()
         while not self._ended.wait(NAP_S):
             now_ns = time.monotonic_ns()

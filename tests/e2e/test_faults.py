@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 from .conftest import gone
-from .test_ground_matrix import shown
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(240)]
 
@@ -95,7 +94,3 @@ def test_ctrl_c_during_take_off_lands_too(fly, station):
     assert summary["outcome"] == "interrupted"
     assert station.landed
     assert station.armed is False
-
-
-def test_a_row_of_the_fault_matrix_flies_too(tmp_path, measured):
-    shown("drone", "policy_nan", tmp_path, measured)

@@ -97,6 +97,10 @@ def test_a_gate_that_was_late_for_a_slot_is_found():
     gap = tuple(told for told in commands(9.0) if not 0.1 < (told.t_ns - ONSET_NS) / 1e9 < 0.16)
     assert went_on("gap", 0.02).verdict == "ok"
     assert went_on("gap", 0.02, account=replace(on_time, commands=gap)).verdict == "WRONG"
+    spans = tuple(told for told in commands(9.0) if not -0.03 < (told.t_ns - ONSET_NS) / 1e9 < 0.03)
+    assert went_on("gap", 0.02, account=replace(on_time, commands=spans)).verdict == "WRONG"
+    before = tuple(told for told in commands(9.0) if not -0.08 < (told.t_ns - ONSET_NS) / 1e9 < -0.02)
+    assert went_on("gap", 0.02, account=replace(on_time, commands=before)).verdict == "ok"
 
 
 def test_ticks_that_come_in_a_burst_are_found_and_missed_ones_are_counted():

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import subprocess
 import sys
+import threading
 
 import pytest
 
@@ -78,12 +80,61 @@ def answer(verdict, stall_s=0.0):
 def test_a_row_that_goes_wrong_is_run_again_only_where_the_machine_stood_still(answers, verdict, tries):
     left, folders = iter(answers), []
 
-    def job(_, folder):
+    def row(_, folder):
         folders.append(folder)
         assert list(folder.iterdir()) == []
         return next(left)
 
-    result = faults._until_calm(job, Stalls())
+    result = faults._until_calm(faults.Job(row, "wheeled"), Stalls())
     assert (result.verdict, result.tries) == (verdict, tries)
     assert next(left, None) is None
     assert not any(folder.exists() for folder in folders)
+
+
+class Yard:
+    """Rows that note which others run, and each robot's first waits for another robot's."""
+
+    def __init__(self, robots):
+        self.together = threading.Barrier(robots)
+        self.running, self.seen = [], []
+
+    def job(self, platform, *verdicts, alone=False):
+        left = iter(verdicts)
+
+        def run(*_):
+            self.running.append(platform)
+            self.seen.append((tuple(self.running), alone))
+            if len(self.seen) <= self.together.parties:
+                self.together.wait(10)
+            self.running.remove(platform)
+            return dataclasses.replace(answer(next(left)), platform=platform)
+
+        return faults.Job(run, platform, alone)
+
+
+def test_robots_are_rehearsed_side_by_side_and_never_one_beside_itself():
+    yard, told = Yard(robots=2), []
+    jobs = [yard.job(name, "ok") for name in ("drone", "drone", "wheeled", "wheeled", "wheeled")]
+    results = faults._run_all(jobs, 2, Stalls(), told.append)
+    assert [result.platform for result in results] == ["drone"] * 2 + ["wheeled"] * 3
+    assert {len(running) for running, _ in yard.seen} == {1, 2}
+    assert all(len(set(running)) == len(running) for running, _ in yard.seen)
+    assert len(told) == 5
+
+
+def test_rows_of_timing_and_those_that_went_wrong_beside_another_run_alone():
+    yard, told = Yard(robots=2), []
+    jobs = [
+        yard.job("drone", "ok", alone=True),
+        yard.job("drone", "LATE", "ok"),
+        yard.job("wheeled", "ok"),
+    ]
+    results = faults._run_all(jobs, 2, Stalls(), told.append)
+    assert [result.verdict for result in results] == ["ok"] * 3
+    assert yard.seen[2:] == [(("drone",), True), (("drone",), False)]
+    assert [result.platform for result in told] == ["wheeled", "drone", "drone"]
+
+
+def test_a_row_that_is_wrong_alone_too_is_wrong():
+    jobs = [faults.Job(lambda *_: answer("LATE"), "wheeled")]
+    assert [result.verdict for result in faults._run_all(jobs, 2, Stalls(), lambda _: None)] == ["LATE"]
