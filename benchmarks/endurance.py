@@ -1,12 +1,13 @@
 """Does anything grow? Memory, threads and open files over starts and stops, and over a long trial.
 
-Run with ``python benchmarks/endurance.py [--cycles 200] [--trials 20] [--minutes 30] [--platform NAME]``;
-a part that gets 0 is left out.
+Run with ``python benchmarks/endurance.py [--cycles 200] [--trials 20] [--minutes 30] [--platform NAME]
+[--speed 1]``; a part that gets 0 is left out.
 
 All starts and stops are of one simulated robot that goes on running, as a real one would. A cycle connects,
 engages, drives, disengages and closes, with adapter and link in this process. A trial is a whole one of a few
 ticks: link, camera, perception, policy and log as well; its processes end with it, and none may be left. The
-long run is one trial, followed by another when a protective stop ends it; all processes are looked at.
+long run is one trial, at ``--speed`` times real time, followed by another when a protective stop ends it; all
+processes are looked at.
 
 Flat is what does not grow between the second quarter and the last, median by median: memory by no more than
 `GROWTH` or `GROWTH_MB`, threads and files not at all.
@@ -180,7 +181,7 @@ def trials(plan, count):
 def long_run(plan, minutes):
     """Drive for so long, and look at all processes while they do; return whether all stayed flat."""
     series, endings, driven_s, missed = {}, Counter(), 0.0, 0
-    ending, clock, progress = threading.Event(), MonotonicClock(), Silent()
+    ending, clock, progress = threading.Event(), MonotonicClock(plan.speed), Silent()
 
     def look():
         while not ending.wait(minutes * 60 / SAMPLES):
@@ -197,7 +198,7 @@ def long_run(plan, minutes):
         try:
             while (left_s := end_s - time.monotonic()) > 0:
                 try:
-                    steps = max(1, round(left_s * RATE_HZ))
+                    steps = max(1, round(left_s * RATE_HZ * plan.speed))
                     summary = run_trial(dataclasses.replace(plan, steps=steps), progress, 0.0)
                 except PlatformError as error:
                     endings[str(error)] += 1
@@ -208,7 +209,8 @@ def long_run(plan, minutes):
         finally:
             ending.set()
             thread.join()
-    flat = table(f"{minutes:g} min, {driven_s / 60:.1f} of them driving", series, COLUMNS)
+    driven = f"{driven_s / 60 / plan.speed:.1f} of them driving, for {driven_s / 60:.1f} min of the robot's"
+    flat = table(f"{minutes:g} min at --speed {plan.speed:g}, {driven}", series, COLUMNS)
     print(f"  ended: {', '.join(f'{number} x {end}' for end, number in endings.most_common())}")
     print(f"  {missed} slots missed", flush=True)
     return flat
@@ -220,6 +222,7 @@ def main():
     parser.add_argument("--trials", type=int, default=20)
     parser.add_argument("--minutes", type=float, default=30.0)
     parser.add_argument("--platform", default="wheeled")
+    parser.add_argument("--speed", type=float, default=1.0, help="of the long run, times real time")
     parser.add_argument("--realtime", action="store_true", help="SCHED_FIFO for loop and link")
     options = parser.parse_args()
     scheduling = Scheduling(options.realtime)
@@ -233,7 +236,8 @@ def main():
         if options.trials:
             flat &= trials(plan, options.trials)
         if options.minutes:
-            flat &= long_run(dataclasses.replace(plan, scheduling=scheduling), options.minutes)
+            plan = dataclasses.replace(plan, scheduling=scheduling, speed=options.speed)
+            flat &= long_run(plan, options.minutes)
     print("\nflat" if flat else "\nNOT FLAT")
     raise SystemExit(0 if flat else 1)
 

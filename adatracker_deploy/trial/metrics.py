@@ -17,6 +17,7 @@ import dataclasses
 import math
 import statistics
 from dataclasses import dataclass
+from itertools import islice
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
@@ -164,7 +165,7 @@ def score_steps(records: Sequence[ScorableStep], rules: Rules = DEFAULT_RULES) -
         return score
     rewards = [
         max(step_reward(record.distance_m, record.bearing_rad), rules.least_reward)
-        for record in records[1 : score.ticks]
+        for record in islice(records, 1, score.ticks)
         if record.distance_m is not None and record.bearing_rad is not None
     ]
     return dataclasses.replace(

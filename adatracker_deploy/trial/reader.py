@@ -88,6 +88,11 @@ class TrialAbout:
     """What the operator said of it, in the order of saying."""
 
     @property
+    def frames_kept(self) -> str:
+        """What the run kept of the camera's pictures (`privacy.Frames`)."""
+        return str(self.config.get("frames", "full")) if isinstance(self.config, Mapping) else "full"
+
+    @property
     def wall_offset_ns(self) -> int | None:
         """What wall-clock time, ns, is ahead of the run's clock; None where the log does not say."""
         try:

@@ -6,13 +6,14 @@ Keys are a contract: more may be added, none is renamed. Lengths are in m, times
 from __future__ import annotations
 
 from collections import Counter
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from adatracker_deploy.stats.intervals import mean_estimate, mean_std, share_estimate
 from adatracker_deploy.stats.survival import kaplan_meier, median_duration
 from adatracker_deploy.trial.marks import holding, said
 from adatracker_deploy.trial.metrics import DEFAULT_RULES, Rules, score_boxes, score_steps
-from adatracker_deploy.trial.stages import percentiles, stage_times
+from adatracker_deploy.trial.stages import STAGES, latency_percentiles
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -63,7 +64,7 @@ def summarise(
         "el": score.el,
         "ar": score.ar,
         "steps": steps,
-        **_timing(records[: score.ticks]),
+        **_timing(records, score.ticks),
         "stop_s": stop_s,
         "reason": reason,
         "trial": str(trial),
@@ -206,19 +207,20 @@ def _ticks_until(steps: Sequence[StepRecord | ScoredStep], since_s: float | None
     return sum(step.t_ns <= steps[0].t_ns + since_s * 1e9 for step in steps)
 
 
-def _timing(records: Sequence[StepRecord | ScoredStep]) -> Summary:
-    """Rate over the whole trial, and latencies; None where there is nothing to time."""
-    latencies = [record.latency for record in records]
+def _timing(records: Sequence[StepRecord | ScoredStep], ticks: int) -> Summary:
+    """Rate over the first `ticks`, and their latencies; None where there is nothing to time."""
+    latencies = (record.latency for record in islice(records, ticks))
+    found = latency_percentiles(latencies, ("sensor_to_command", "lateness", *STAGES))
     timing: Summary = {
         "rate_hz": None,
         "seconds": 0.0,
-        "latency_ms": percentiles(latency.sensor_to_command_ms for latency in latencies),
-        "stages_ms": stage_times(latencies),
-        "lateness_ms": percentiles(latency.lateness_ms for latency in latencies),
+        "latency_ms": found["sensor_to_command"],
+        "stages_ms": {stage: found[stage] for stage in STAGES},
+        "lateness_ms": found["lateness"],
         "missed_deadlines": 0,
     }
-    if records:
-        first, last = records[0], records[-1]
+    if ticks:
+        first, last = records[0], records[ticks - 1]
         timing["seconds"] = seconds = (last.t_ns - first.t_ns) / 1e9
         timing["rate_hz"] = (last.step - first.step) / seconds if seconds > 0 else None
         timing["missed_deadlines"] = last.missed_deadlines
