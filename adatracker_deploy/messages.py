@@ -51,6 +51,8 @@ class Frame:
     t_ns: int
     seq: int
     truth: Truth | None = None
+    jpeg: bytes | None = None
+    """What `rgb` was decoded from, where the camera sends JPEGs: the log need not make another."""
 
 
 @dataclass(frozen=True, slots=True)

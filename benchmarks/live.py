@@ -1,10 +1,13 @@
 """What the log and the live view cost the loop: lateness and processor time with and without them.
 
-python benchmarks/live.py [--seconds 20] [--rounds 6]
+python benchmarks/live.py [--seconds 20] [--rounds 6] [--awake]
 
 The real loop, link process, perception thread and log writer at 20 Hz, with pictures of 640x480 at 30 Hz
-that lie ready in memory, as a camera's driver leaves them. The cases take turns, each round beginning with
-another, so that whatever else the machine does meets each of them; a case's p99 is the median of its rounds'.
+that lie ready in memory: decoded, and as the JPEGs that network cameras and ROS topics send; a camera of raw
+pictures, whose JPEGs the writer makes itself, is a case of its own. Masks are of the size that perception
+makes. The cases take turns, each round
+beginning with another, so that whatever else the machine does meets each of them; a case's p99 is the median
+of its rounds'.
 """
 
 from __future__ import annotations
@@ -26,13 +29,16 @@ import cv2
 import numpy as np
 
 from adatracker_deploy.messages import Box, Frame, MaskClass, Observation
+from adatracker_deploy.perception.drawing import MASK_SIZE
 from adatracker_deploy.perception.pipeline import Perception
 from adatracker_deploy.policy.pid import PidPolicy
 from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_deploy.runtime.link import Phase
 from adatracker_deploy.runtime.link_process import LinkProcess
 from adatracker_deploy.runtime.loop import Loop
+from adatracker_deploy.runtime.scheduling import Scheduling
 from adatracker_deploy.testing.fake import FakePlatform, fake_profile
+from adatracker_deploy.trial.channels import JPEG_QUALITY
 from adatracker_deploy.trial.live_port import choose_port, websocket_url
 from adatracker_deploy.trial.log import TrialLog
 
@@ -41,6 +47,7 @@ PROFILE = replace(fake_profile(), limits=replace(fake_profile().limits, forward_
 CASES = {
     "neither log nor view": (),
     "log": ("log",),
+    "log of a camera of raw pictures": ("log", "raw"),
     "log, view that nobody watches": ("log", "live"),
     "log, view, a viewer": ("log", "live", "reading"),
     "log, view, a viewer that never reads": ("log", "live", "asleep"),
@@ -59,10 +66,14 @@ class ReadyCamera:
         for phase in np.linspace(0, 2 * np.pi, 32, endpoint=False):
             picture = cv2.add(room, rng.integers(0, 12, room.shape, np.uint8))
             left = round(WIDTH * (0.42 + 0.1 * np.sin(phase)))
-            mask = np.zeros((HEIGHT, WIDTH), np.uint8)
-            mask[120:400, left : left + 100] = MaskClass.TARGET
-            picture[mask == MaskClass.TARGET] //= 2
-            self.shown.append((picture, mask, Box.of_mask(mask)))
+            large = np.zeros((HEIGHT, WIDTH), np.uint8)
+            large[120:400, left : left + 100] = MaskClass.TARGET
+            picture[large == MaskClass.TARGET] //= 2
+            mask = cv2.resize(large, (MASK_SIZE, MASK_SIZE), interpolation=cv2.INTER_NEAREST)
+            jpeg = cv2.imencode(".jpg", picture[..., ::-1], (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY))[
+                1
+            ].tobytes()
+            self.shown.append((picture, mask, Box.of_mask(mask), jpeg))
         self.frame: Frame | None = None
 
     def open(self) -> None:
@@ -71,11 +82,12 @@ class ReadyCamera:
     def read(self, now_ns: int) -> Frame:
         seq = int(now_ns * CAMERA_HZ / 1e9)
         if self.frame is None or self.frame.seq != seq:
-            self.frame = Frame(self.shown[seq % len(self.shown)][0], now_ns, seq)
+            picture, _, _, jpeg = self.shown[seq % len(self.shown)]
+            self.frame = Frame(picture, now_ns, seq, jpeg=jpeg)
         return self.frame
 
     def segment(self, frame: Frame) -> Observation:
-        _, mask, box = self.shown[frame.seq % len(self.shown)]
+        _, mask, box, _ = self.shown[frame.seq % len(self.shown)]
         return Observation(mask, box, 1.0, frame.t_ns, frame.seq)
 
     def go(self) -> None:
@@ -133,7 +145,8 @@ def run(case: Case, parts: tuple[str, ...], camera: ReadyCamera, seconds: float,
         def write(record, seen) -> None:
             records.append(record)
             if log is not None:
-                log.step(record, seen.frame, seen.observation)
+                frame = replace(seen.frame, jpeg=None) if "raw" in parts else seen.frame
+                log.step(record, frame, seen.observation)
 
         perception = stack.enter_context(Perception(camera, camera.segment, clock, rate_hz=200.0))
         while perception.newest() is None:
@@ -226,6 +239,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--rounds", type=int, default=6)
+    parser.add_argument("--awake", action="store_true", help="keep cores awake, as --realtime does")
     parser.add_argument("--view", type=int, help=argparse.SUPPRESS)
     parser.add_argument("--how", help=argparse.SUPPRESS)
     args = parser.parse_args()
@@ -233,7 +247,7 @@ def main() -> None:
         view(args.view, args.how)
     camera = ReadyCamera()
     cases = {name: Case() for name in CASES}
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, Scheduling(args.awake).awake():
         names = list(CASES)
         for number in range(args.rounds):
             for name in names[number % len(names) :] + names[: number % len(names)]:

@@ -35,6 +35,8 @@ class Picture(NamedTuple):
     t_ns: int
     """The run's clock when it arrived, before it was decoded."""
     truth: Truth | None = None
+    jpeg: bytes | None = None
+    """What `rgb` was decoded from, if it was one."""
 
 
 class LiveCamera(abc.ABC):
@@ -76,10 +78,7 @@ class LiveCamera(abc.ABC):
             PlatformError: the camera cannot be reached, or gave no picture within `OPEN_TIMEOUT_S`.
         """
         self._thread.start()
-        if self._decided.wait(OPEN_TIMEOUT_S):
-            error = self._error
-        else:
-            error = PlatformError(f"camera {self.name}: no picture came within {OPEN_TIMEOUT_S:g} s")
+        error = self._error if self._decided.wait(OPEN_TIMEOUT_S) else self._silent()
         if error is not None:
             self.close()
             raise error
@@ -118,9 +117,13 @@ class LiveCamera(abc.ABC):
         finally:
             self._decided.set()
 
+    def _silent(self) -> PlatformError:
+        """Return what is said of a camera that never showed a picture, whoever finds it out first."""
+        return PlatformError(f"camera {self.name}: no picture came within {OPEN_TIMEOUT_S:g} s")
+
     def _keep(self, picture: Picture) -> None:
         seq = self._frames[0].seq + 1 if self._frames else 1
-        frame = Frame(picture.rgb, picture.t_ns, seq, picture.truth)
+        frame = Frame(picture.rgb, picture.t_ns, seq, picture.truth, picture.jpeg)
         if self._watch.accept(frame):
             self._frames = (frame, *self._frames[:1])
         self._decided.set()

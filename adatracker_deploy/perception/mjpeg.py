@@ -81,6 +81,8 @@ class MjpegCamera(LiveCamera):
                 f"camera {self.name}: its certificate is not trusted ({error.verify_message}): "
                 "name a file with it in SSL_CERT_FILE"
             ) from error
+        except TimeoutError as error:
+            raise self._silent() from error
         except OSError as error:
             raise PlatformError(f"camera {self.name}: {error.strerror or error}") from error
         except ValueError as error:
@@ -170,4 +172,4 @@ def decode_part(part: Part, t_ns: int) -> Picture:
     """
     truth = part.headers.get("x-truth")
     decoded = decode_truth(base64.b64decode(truth, validate=True)) if truth is not None else None
-    return Picture(decode_jpeg(part.body), t_ns, decoded)
+    return Picture(decode_jpeg(part.body), t_ns, decoded, part.body)

@@ -13,7 +13,7 @@ import zenoh
 
 from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.perception.compressed_image import IMAGE_CAP_BYTES, read_compressed_image
-from adatracker_deploy.perception.image import decode_image
+from adatracker_deploy.perception.image import decode_image, is_png
 from adatracker_deploy.perception.live import LiveCamera, Picture
 from adatracker_deploy.perception.zenoh_session import dial
 
@@ -113,7 +113,8 @@ class CompressedImageCamera(LiveCamera):
             raise ValueError(f"the stamp {image.stamp_ns} came before")
         self._last_stamp_ns = image.stamp_ns
         truth = self._truth(image.stamp_ns)
-        return Picture(decode_image(bytes(image.data)), t_ns, truth)
+        data = bytes(image.data)
+        return Picture(decode_image(data), t_ns, truth, None if is_png(data) else data)
 
 
 def _neighbours(session: zenoh.Session) -> list[zenoh.ZenohId]:

@@ -16,6 +16,7 @@ from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.geometry import Pose
 from adatracker_deploy.messages import Frame, Truth
 from adatracker_deploy.perception import live, mjpeg
+from adatracker_deploy.perception.jpeg import decode_jpeg
 from adatracker_deploy.perception.mjpeg import MjpegCamera, decode_part
 from adatracker_deploy.perception.mjpeg_server import MjpegServer
 from adatracker_deploy.perception.multipart import LARGEST_BODY_BYTES, MultipartParser
@@ -83,6 +84,7 @@ def test_a_published_frame_is_seen_with_its_truth_at_the_time_of_its_arrival(ser
     assert np.abs(frame.rgb.astype(int) - picture(7)).mean() < 5
     assert (frame.truth.robot, frame.truth.distance_m) == (TRUTH.robot, TRUTH.distance_m)
     assert np.array_equal(frame.truth.mask, TRUTH.mask)
+    assert np.array_equal(decode_jpeg(frame.jpeg), frame.rgb)
 
 
 def test_what_is_no_rehearsal_may_number_its_pictures_as_it_likes(server, opened):
@@ -171,6 +173,12 @@ def test_a_camera_that_stays_silent_is_given_up(pieces, opened, monkeypatch):
     with saying(*pieces) as port, pytest.raises(PlatformError, match=r"no picture came within 0\.3 s"):
         opened(address(port))
     until(lambda: not any(thread.name.startswith("camera") for thread in threading.enumerate()))
+
+
+def test_a_silent_camera_is_said_to_be_so_too_where_its_socket_gives_up_before_us(opened, monkeypatch):
+    monkeypatch.setattr(mjpeg, "OPEN_TIMEOUT_S", 0.1)
+    with saying() as port, pytest.raises(PlatformError, match="no picture came within 5 s"):
+        opened(address(port))
 
 
 def test_a_camera_that_falls_silent_later_is_told_by_the_time_of_its_last_frame(opened):

@@ -22,6 +22,7 @@ from adatracker_deploy.perception.compressed_image import (
     CompressedImage,
     read_compressed_image,
 )
+from adatracker_deploy.perception.jpeg import decode_jpeg
 from adatracker_deploy.perception.sources import open_source
 from adatracker_deploy.perception.zenoh_session import session_config
 from adatracker_deploy.runtime.clock import MonotonicClock
@@ -101,7 +102,8 @@ class Robot:
 
     def shoot(self, **how):
         self.shots += 1
-        self.put(message(png(self.shots % 256), **{"stamp_ns": self.shots, **how}))
+        data = how.pop("data", None) or png(self.shots % 256)
+        self.put(message(data, **{"stamp_ns": self.shots, **how}))
 
     def put(self, payload):
         self._publisher.put(payload)
@@ -140,6 +142,13 @@ def test_the_newest_image_is_seen(camera, robot):
     until(lambda: newest(camera).rgb[0, 0, 0] == robot.shots % 256)
     assert newest(camera).rgb.shape == (24, 32, 3)
     assert newest(camera).truth is None
+    assert newest(camera).jpeg is None, "a PNG is none"
+
+
+def test_a_jpeg_is_kept_as_it_came(camera, robot):
+    jpeg = cv2.imencode(".jpg", np.full((24, 32, 3), 200, np.uint8))[1].tobytes()
+    until(lambda: robot.shoot(data=jpeg) or newest(camera).jpeg == jpeg)
+    assert np.array_equal(decode_jpeg(newest(camera).jpeg), newest(camera).rgb)
 
 
 def test_rubbish_and_repeated_stamps_are_dropped_and_counted(camera, robot):
