@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from adatracker_deploy.platform import Check, Platform, Scenario, Sitl
     from adatracker_deploy.policy.base import Policy
     from adatracker_deploy.profile import Profile
+    from adatracker_deploy.trial.privacy import Frames
     from adatracker_deploy.trial.record import StepRecord
 
 ENGAGE_TIMEOUT_S = 60.0
@@ -76,6 +77,8 @@ class TrialPlan:
     steps: int
     live_port: int | None = None
     """Where the live view listens, on this machine alone; None for none."""
+    frames: Frames = "full"
+    """What the log keeps of the camera's pictures."""
     speed: float
     """Seconds of the run's clock per second of the machine's; 1 on real robots."""
     log_dir: Path
@@ -150,6 +153,7 @@ class _Trial:
             config=self._config(profile),
             now_ns=self.clock.now_ns(),
             live_port=plan.live_port,
+            frames=plan.frames,
         )
         if plan.live_port is not None:
             self.progress.phase(f"live view: {websocket_url(plan.live_port)}, or {app_url(plan.live_port)}")
@@ -394,6 +398,7 @@ class _Trial:
             **asdict(plan.scenario),
             "camera": shown,
             "segmenter": plan.segmenter_name,
+            "frames": plan.frames,
             "faults": [f"{strike.fault.name}@{strike.at_s:g}" for strike in plan.faults],
             "speed": plan.speed,
             "realtime": plan.scheduling.realtime,

@@ -49,6 +49,7 @@ def refused(capsys, *arguments: str) -> str:
         ((*DRONE, "--cpu", "0-9999"), "--cpu 0-9999: core"),
         ((*DRONE, "--cpu", "fast"), "'fast' is neither a core nor a range"),
         ((*DRONE, "--stpes", "5"), "--stpes"),
+        ((*DRONE, "--blur", "--no-frames"), "not allowed with"),
         (("--platform", "drone", "--fault", "link_drop@5"), "--fault is for rehearsals"),
         (("--platform", "drone", "--dry-run", "--fault", "link_drop@5"), "--fault is for rehearsals"),
         (

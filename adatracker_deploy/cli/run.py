@@ -6,7 +6,6 @@ import argparse
 import contextlib
 import dataclasses
 import json
-import math
 import os
 import signal
 import time
@@ -14,13 +13,14 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from adatracker_deploy.cli.ranges import real, whole
 from adatracker_deploy.cli.seeing import add_segmenter_options
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.policy.catalogue import DEFAULT
 from adatracker_deploy.trial.live_port import DEFAULT_PORT, choose_port
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Iterator
 
     from rich.console import Console
 
@@ -50,12 +50,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     what.add_argument("--profile", metavar="NAME|FILE", help="the robot's profile (default: the platform's)")
     what.add_argument("--policy", metavar="NAME|DIR", default=DEFAULT, help="(default: %(default)s)")
     how = parser.add_argument_group("how")
-    how.add_argument("--steps", type=_whole(1, 1_000_000), default=600, help="ticks (default: %(default)s)")
-    how.add_argument("--trials", type=_whole(1, 1000), default=1, help="trials, seeds from --seed up")
-    how.add_argument("--seed", type=_whole(0, 2**31 - 1), default=0, help="of the world and the simulation")
+    how.add_argument("--steps", type=whole(1, 1_000_000), default=600, help="ticks (default: %(default)s)")
+    how.add_argument("--trials", type=whole(1, 1000), default=1, help="trials, seeds from --seed up")
+    how.add_argument("--seed", type=whole(0, 2**31 - 1), default=0, help="of the world and the simulation")
     how.add_argument(
         "--speed-cap",
-        type=_number(0.01, 1),
+        type=real(0.01, 1),
         default=1.0,
         metavar="SHARE",
         help="of the profile's speeds, turning too: 0.25 for the first steps of a real robot (default: 1)",
@@ -68,11 +68,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     how.add_argument(
         "--stop-fd",
-        type=_whole(0, 65535),
+        type=whole(0, 65535),
         metavar="N",
         help="stop when this file descriptor can be read or is closed: for buttons and other hooks",
     )
-    how.add_argument("--speed", type=_number(1, 20), help="times real time, 1 to 20; only with --sitl")
+    how.add_argument("--speed", type=real(1, 20), help="times real time, 1 to 20; only with --sitl")
     how.add_argument(
         "--realtime",
         action="store_true",
@@ -95,7 +95,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     view.add_argument("--scene", metavar="NAME", help="of the virtual world (default: simple_room)")
     view.add_argument(
-        "--target-speed", type=_number(0, 5), default=1.0, metavar="M_S", help="of the person (default: 1.0)"
+        "--target-speed", type=real(0, 5), default=1.0, metavar="M_S", help="of the person (default: 1.0)"
     )
     add_segmenter_options(
         view,
@@ -105,12 +105,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     out.add_argument("--log-dir", type=Path, default=Path("trials"), help="default: %(default)s")
     out.add_argument(
         "--live",
-        type=_whole(0, 65535),
+        type=whole(0, 65535),
         nargs="?",
         const=DEFAULT_PORT,
         metavar="PORT",
         help="show the trial in Foxglove while it runs: a websocket of this machine alone, on PORT "
         "(default: %(const)s; 0: any free one)",
+    )
+    kept = out.add_mutually_exclusive_group()
+    kept.add_argument(
+        "--blur",
+        action="store_const",
+        dest="frames",
+        const="blurred",
+        default="full",
+        help="in the pictures of log and live view, blur everyone but the target whom perception sees",
+    )
+    kept.add_argument(
+        "--no-frames",
+        action="store_const",
+        dest="frames",
+        const="none",
+        help="leave pictures out of log and live view; masks and boxes stay",
     )
     out.add_argument("--json", action="store_true", help="one JSON object as the last line of stdout")
     parser.set_defaults(run=run)
@@ -272,6 +288,7 @@ def _plan(args: argparse.Namespace, name: str) -> TrialPlan:
         sitl=args.sitl,
         dry_run=args.dry_run,
         steps=args.steps,
+        frames=args.frames,
         speed=args.speed or 1.0,
         log_dir=args.log_dir,
         scheduling=scheduling,
@@ -335,25 +352,3 @@ def _check_world(scene: str) -> None:
             f"a virtual world needs {error.name}: pip install 'adatracker-deploy[sitl]'"
         ) from error
     check_scene(scene)
-
-
-def _whole(low: int, high: int) -> Callable[[str], int]:
-    def convert(text: str) -> int:
-        value = int(text)
-        if not low <= value <= high:
-            raise argparse.ArgumentTypeError(f"{value} is out of range [{low}, {high}]")
-        return value
-
-    convert.__name__ = "whole number"
-    return convert
-
-
-def _number(low: float, high: float) -> Callable[[str], float]:
-    def convert(text: str) -> float:
-        value = float(text)
-        if not (math.isfinite(value) and low <= value <= high):
-            raise argparse.ArgumentTypeError(f"{text} is out of range [{low:g}, {high:g}]")
-        return value
-
-    convert.__name__ = "number"
-    return convert

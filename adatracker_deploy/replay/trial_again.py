@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import platform as machine
 import statistics
 from dataclasses import dataclass
-from importlib.metadata import version
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
-import cv2
-
-from adatracker_deploy import __version__
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.limits import Limits
 from adatracker_deploy.policy.golden import GOLDEN_TOLERANCE
@@ -27,6 +22,7 @@ from adatracker_deploy.replay.compare import (
 from adatracker_deploy.replay.judged import Judgement, judge_again, without_gaps
 from adatracker_deploy.runtime.link_process import wall_timeouts
 from adatracker_deploy.schema import parse
+from adatracker_deploy.trial.provenance import surroundings
 
 if TYPE_CHECKING:
     from adatracker_deploy.platform import Twist
@@ -212,16 +208,10 @@ def _short(digest: object) -> str:
 
 
 def _elsewhere(trial: Trial) -> list[str]:
-    """Say what was another when the trial ran, of what its numbers depend on."""
-    here = {
-        "adatracker-deploy": __version__,
-        "machine": machine.platform(),
-        "opencv": cv2.__version__,
-        **{name: version(name) for name in ("numpy", "onnxruntime")},
-    }
+    """Say what was another when the trial ran, of what its numbers may depend on."""
     return [
         f"{name} was {trial.about[name]} then, is {now} now"
-        for name, now in here.items()
+        for name, now in surroundings().items()
         if name in trial.about and trial.about[name] != now
     ]
 

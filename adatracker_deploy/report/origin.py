@@ -19,7 +19,7 @@ LONGEST_TEXT = 500
 SHOWN_EVENTS = 200
 SHOWN_GAPS = 20
 LONGEST_CONFIG = 50_000
-_PLAIN = ("scene", "seed", "target_speed_m_s", "camera", "segmenter", "speed")
+_PLAIN = ("scene", "seed", "target_speed_m_s", "camera", "segmenter", "frames", "speed")
 
 
 def events_section(events: Sequence[Event]) -> Html:
@@ -68,9 +68,11 @@ def completeness(trial: Trial) -> Html:
     lacking = sum(end - start + 1 for start, end in gaps)
     wanted = {step.frame_seq for step in trial.steps}
     frames = len(wanted - trial.frame_seqs)
-    lines = [
-        f"{lacking} of {lacking + len(trial.steps)} steps and {frames} of {len(wanted)} frames are missing."
-    ]
+    steps = f"{lacking} of {lacking + len(trial.steps)} steps"
+    if trial.frames_kept == "none":
+        lines = [f"{steps} are missing. Frames were left out, as was asked for (--no-frames)."]
+    else:
+        lines = [f"{steps} and {frames} of {len(wanted)} frames are missing."]
     if gaps:
         named = ", ".join(f"{a}" if a == b else f"{a} to {b}" for a, b in gaps[:SHOWN_GAPS])
         more = f" and {len(gaps) - SHOWN_GAPS} more gaps" if len(gaps) > SHOWN_GAPS else ""

@@ -11,7 +11,9 @@
 | /log     | foxglove.Log              | events                                                        |
 
 Foxglove's schemas come as protobuf, from its own package, because images in JSON would be a third larger.
-Messages carry wall-clock time; the camera's and mask's sequence number is the frame's.
+A camera's own JPEG is passed on as it came: making another takes most of what logging costs. Pictures are
+blurred, or left out, where that was asked for. Messages carry wall-clock time; the camera's and mask's
+sequence number is the frame's.
 """
 
 from __future__ import annotations
@@ -30,14 +32,14 @@ from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
 from adatracker_deploy.trial.mask_png import encode_mask
+from adatracker_deploy.trial.privacy import Veil
 from adatracker_deploy.trial.step_json import STEP_SCHEMA_NAME, step_schema, step_to_json
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from adatracker_deploy.geometry import Pose
-    from adatracker_deploy.messages import Box, ClassMask
+    from adatracker_deploy.messages import Box
+    from adatracker_deploy.trial.handover import Picture
+    from adatracker_deploy.trial.privacy import Frames
     from adatracker_deploy.trial.record import StepRecord
 
 JPEG_QUALITY = 85
@@ -88,27 +90,29 @@ def channels() -> tuple[Channel, ...]:
 
 
 class Encoder:
-    """Turns ticks into messages, in the order in which they came."""
+    """Turns ticks into messages, in the order in which they came.
 
-    def __init__(self) -> None:
+    Args:
+        frames: what is kept of the camera's pictures; those to be blurred must come as RGB.
+    """
+
+    def __init__(self, frames: Frames = "full") -> None:
+        self._frames = frames
+        self._veil = Veil()
         self._frame_size: tuple[int, int] | None = None
 
-    def picture(
-        self, wall_ns: int, captured_ns: int, seq: int, rgb: NDArray[np.uint8], mask: ClassMask
-    ) -> list[Message]:
-        """Encode a frame, RGB uint8 (H, W, 3), and its mask.
+    def picture(self, wall_ns: int, captured_ns: int, seq: int, picture: Picture) -> list[Message]:
+        """Encode a frame and its mask.
 
         Raises:
             cv2.error: the frame is no picture.
         """
-        self._frame_size = (rgb.shape[1], rgb.shape[0])
-        bgr = cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR)
-        _, jpeg = cv2.imencode(".jpg", bgr, (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY))
+        self._frame_size = picture.size
+        images = [("/mask", "png", encode_mask(picture.mask))]
+        if self._frames != "none":  # a frame before its mask: so a reader has both when it sees the second
+            images.insert(0, ("/camera", "jpeg", self._jpeg(picture, captured_ns)))
         messages = []
-        for topic, encoding, data in (
-            ("/camera", "jpeg", jpeg.tobytes()),
-            ("/mask", "png", encode_mask(mask)),
-        ):
+        for topic, encoding, data in images:
             image = CompressedImage(frame_id="camera", format=encoding, data=data)
             image.timestamp.FromNanoseconds(captured_ns)
             messages.append(Message(topic, wall_ns, image.SerializeToString(), seq))
@@ -138,6 +142,16 @@ class Encoder:
         line = Log(level=_LEVELS[level], message=text, name="adatracker")
         line.timestamp.FromNanoseconds(wall_ns)
         return [Message("/log", wall_ns, line.SerializeToString(), 0)]
+
+    def _jpeg(self, picture: Picture, captured_ns: int) -> bytes:
+        content = picture.content
+        if self._frames == "blurred":
+            content = self._veil.cover(content, picture.mask, captured_ns)
+        elif content.ndim == 1:
+            return content.tobytes()
+        bgr = cv2.cvtColor(content, cv2.COLOR_RGB2BGR)
+        _, jpeg = cv2.imencode(".jpg", bgr, (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY))
+        return bytes(jpeg)
 
 
 def _json_channel(topic: str, name: str, schema: bytes) -> Channel:

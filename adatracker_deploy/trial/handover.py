@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from adatracker_deploy.messages import ClassMask
+    from adatracker_deploy.trial.privacy import Frames
     from adatracker_deploy.trial.record import StepRecord
 
 SLOTS = 16
@@ -33,10 +34,21 @@ Level = Literal["info", "warning", "error"]
 
 
 class Picture(NamedTuple):
-    """Where a frame and its mask lie in the shared memory."""
+    """A frame as the log takes it."""
+
+    size: tuple[int, int]
+    """Width and height, px."""
+    content: NDArray[np.uint8]
+    """RGB of shape (H, W, 3); or the JPEG that the camera sent, (n,); or nothing, (0,)."""
+    mask: ClassMask
+
+
+class Place(NamedTuple):
+    """Where a `Picture` lies in the shared memory."""
 
     slot: int
-    rgb_shape: tuple[int, int, int]
+    size: tuple[int, int]
+    content_shape: tuple[int, ...]
     mask_shape: tuple[int, int]
 
 
@@ -51,17 +63,19 @@ class Start:
     metadata: dict[str, dict[str, str]]
     live_port: int | None = None
     """Where on this machine the live view listens; None for none."""
+    frames: Frames = "full"
+    """What is kept of the camera's pictures."""
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One tick; `picture` is None when the frame was handed over before, or had to be dropped."""
+    """One tick; `place` is None when the frame was handed over before, or had to be dropped."""
 
     wall_ns: int
     captured_ns: int
     """Wall-clock time of the frame's capture, ns."""
     record: StepRecord
-    picture: Picture | None
+    place: Place | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,23 +174,24 @@ class PictureSlots:
         os.truncate(fd, SLOTS * SLOT_BYTES)
         return fd
 
-    def put(self, slot: int, rgb: NDArray[np.uint8], mask: ClassMask) -> Picture:
-        """Copy a frame and its mask into a slot.
+    def put(self, slot: int, picture: Picture) -> Place:
+        """Copy a picture and its mask into a slot.
 
         Raises:
             ValueError: they do not fit.
         """
-        if rgb.nbytes + mask.nbytes > SLOT_BYTES:
-            raise ValueError(f"a frame of {rgb.shape[1]}x{rgb.shape[0]} is too large for the log")
-        height, width, channels = rgb.shape
-        picture = Picture(slot, (height, width, channels), (mask.shape[0], mask.shape[1]))
-        rgb_in_slot, mask_in_slot = self.get(picture)
-        rgb_in_slot[...] = rgb
-        mask_in_slot[...] = mask
-        return picture
+        size, content, mask = picture
+        if content.nbytes + mask.nbytes > SLOT_BYTES:
+            raise ValueError(f"a frame of {size[0]}x{size[1]} is too large for the log")
+        place = Place(slot, size, content.shape, (mask.shape[0], mask.shape[1]))
+        in_slot = self.get(place)
+        in_slot.content[...] = content
+        in_slot.mask[...] = mask
+        return place
 
-    def get(self, picture: Picture) -> tuple[NDArray[np.uint8], ClassMask]:
-        """Return the frame and the mask as views into the slot."""
-        start = picture.slot * SLOT_BYTES
-        rgb = np.ndarray(picture.rgb_shape, np.uint8, self._memory, start)
-        return rgb, np.ndarray(picture.mask_shape, np.uint8, self._memory, start + rgb.nbytes)
+    def get(self, place: Place) -> Picture:
+        """Return the picture and its mask as views into the slot."""
+        start = place.slot * SLOT_BYTES
+        content = np.ndarray(place.content_shape, np.uint8, self._memory, start)
+        mask = np.ndarray(place.mask_shape, np.uint8, self._memory, start + content.nbytes)
+        return Picture(place.size, content, mask)

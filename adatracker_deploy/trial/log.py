@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import json
 import os
-import platform as machine
 import subprocess
 import sys
 import time
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, Literal, Self
 
-import cv2
+import numpy as np
 import yaml
 
-from adatracker_deploy import __version__
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.trial.folder import (
     CONFIG_NAME,
@@ -35,19 +32,24 @@ from adatracker_deploy.trial.handover import (
     LogLine,
     Picture,
     PictureSlots,
+    Place,
     Post,
     Ready,
     Start,
     Step,
     Trouble,
 )
+from adatracker_deploy.trial.provenance import provenance
 from adatracker_deploy.trial.step_json import STEP_FORMAT
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
+    from numpy.typing import NDArray
+
     from adatracker_deploy.messages import Frame, Observation
+    from adatracker_deploy.trial.privacy import Frames
     from adatracker_deploy.trial.record import StepRecord
 
 START_TIMEOUT_S = 30.0
@@ -69,6 +71,7 @@ class TrialLog:
     _slots: PictureSlots
     _writer: subprocess.Popen[bytes]
     _wall_minus_run_ns: int
+    _frames: Frames
     dropped: int = 0
     """Steps and events that are missing from the log because the writer was too far behind."""
     frames_dropped: int = 0
@@ -90,6 +93,7 @@ class TrialLog:
         config: Mapping[str, Any],
         now_ns: int,
         live_port: int | None = None,
+        frames: Frames = "full",
     ) -> TrialLog:
         """Make the folder ``LOG_DIR/<UTC time>_<platform>_<kind>/`` (mode 0700) and start the writer.
 
@@ -102,6 +106,7 @@ class TrialLog:
             config: everything else that the run was started with, in plain YAML types.
             now_ns: the run's clock. Wall-clock time is read once, here, and only written down.
             live_port: where the writer serves the live view (`live_port.choose_port`); None for none.
+            frames: what is kept of the camera's pictures; masks and boxes are kept in any case.
 
         Raises:
             UsageError: the folder cannot be written, the port is in use, or the writer does not start.
@@ -120,11 +125,7 @@ class TrialLog:
                 "steps": str(steps),
                 "started": datetime.fromtimestamp(wall_ns / 1e9, UTC).isoformat(),
                 "run_clock_ns": str(now_ns),
-                "adatracker-deploy": __version__,
-                "python": machine.python_version(),
-                "machine": machine.platform(),
-                **{name: version(name) for name in ("mcap", "numpy", "onnxruntime")},
-                "opencv": cv2.__version__,  # it reduces masks to what networks see
+                **provenance(),
             },
             "config": {"yaml": config_yaml},
         }
@@ -145,21 +146,21 @@ class TrialLog:
         finally:
             far.close()
             os.close(memory_fd)
-        log = cls(folder, Post(near), slots, writer, wall_ns - now_ns)
-        log._start(Start(str(folder / PART_NAME), str(folder / FILE_NAME), metadata, live_port))
+        log = cls(folder, Post(near), slots, writer, wall_ns - now_ns, frames)
+        log._start(Start(str(folder / PART_NAME), str(folder / FILE_NAME), metadata, live_port, frames))
         return log
 
     def step(self, record: StepRecord, frame: Frame, observation: Observation) -> None:
         """Hand over one tick, and the frame with its mask unless an earlier tick had the same."""
         try:
             self._hear()
-            picture = None
+            place = None
             if frame.seq != self._last_seq:
                 self._last_seq = frame.seq
-                picture = self._put(frame, observation)
-            message = Step(self._wall_ns(record.t_ns), self._wall_ns(frame.t_ns), record, picture)
-            if not self._hand_over(message) and picture is not None:
-                self._free.append(picture.slot)
+                place = self._put(frame, observation)
+            message = Step(self._wall_ns(record.t_ns), self._wall_ns(frame.t_ns), record, place)
+            if not self._hand_over(message) and place is not None:
+                self._free.append(place.slot)
                 self.frames_dropped += 1
         except Exception as error:  # nothing that goes wrong with writing down may stop a robot's control
             self._trouble = self._trouble or f"a tick could not be logged: {error}"
@@ -219,19 +220,28 @@ class TrialLog:
             self.close()
             raise UsageError(answer.message)
 
-    def _put(self, frame: Frame, observation: Observation) -> Picture | None:
+    def _put(self, frame: Frame, observation: Observation) -> Place | None:
         """Copy a frame into a free slot, the one last used first: its memory is warm."""
         if not self._free:
             self.frames_dropped += 1
             return None
         slot = self._free.pop()
         try:
-            return self._slots.put(slot, frame.rgb, observation.mask)
+            size = frame.rgb.shape[1], frame.rgb.shape[0]
+            return self._slots.put(slot, Picture(size, self._content(frame), observation.mask))
         except ValueError as error:
             self._free.append(slot)
             self.frames_dropped += 1
             self._trouble = self._trouble or f"a frame could not be logged: {error}"
             return None
+
+    def _content(self, frame: Frame) -> NDArray[np.uint8]:
+        """Return what the writer needs of a frame: no more leaves this process."""
+        if self._frames == "none":
+            return np.empty(0, np.uint8)
+        if self._frames == "full" and frame.jpeg is not None and len(frame.jpeg) < frame.rgb.nbytes:
+            return np.frombuffer(frame.jpeg, np.uint8)
+        return frame.rgb
 
     def _hand_over(self, message: Step | LogLine) -> bool:
         try:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from array import array
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable
 
     from adatracker_deploy.trial.record import Latency
 
@@ -26,15 +27,22 @@ STAGES = {
 """What each stage is, in the order of the way; names are the fields of `Latency` without their unit."""
 
 
-def percentiles(values_ms: Iterable[float | None]) -> Percentiles:
-    """Return the median, the 99th percentile and the maximum of what was measured."""
-    known = [value for value in values_ms if value is not None]
-    if not known:
+def latency_percentiles(latencies: Iterable[Latency], names: Iterable[str]) -> dict[str, Percentiles]:
+    """Return the percentiles of some fields of `Latency`, by their names without the unit.
+
+    Logs from before a stage was measured have None there. Ticks are looked at once and not kept: a trial may
+    be hours long.
+    """
+    known = {name: array("d") for name in names}
+    for latency in latencies:
+        for name, values_ms in known.items():
+            if (value_ms := getattr(latency, f"{name}_ms")) is not None:
+                values_ms.append(value_ms)
+    return {name: _percentiles(values_ms) for name, values_ms in known.items()}
+
+
+def _percentiles(values_ms: array[float]) -> Percentiles:
+    if not values_ms:
         return {"p50": None, "p99": None, "max": None}
-    p50, p99, highest = np.percentile(known, (50, 99, 100))
+    p50, p99, highest = np.percentile(values_ms, (50, 99, 100))
     return {"p50": float(p50), "p99": float(p99), "max": float(highest)}
-
-
-def stage_times(latencies: Sequence[Latency]) -> dict[str, Percentiles]:
-    """Return the percentiles of every stage; logs from before a stage was measured have None there."""
-    return {stage: percentiles(getattr(latency, f"{stage}_ms") for latency in latencies) for stage in STAGES}

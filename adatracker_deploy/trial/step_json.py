@@ -65,14 +65,23 @@ def step_schema() -> bytes:
 
 
 def _plain(value: Any) -> Any:
-    if dataclasses.is_dataclass(value):
-        named = ((field.name, getattr(value, field.name)) for field in dataclasses.fields(value))
-        return {name: _plain(item) for name, item in named if item is not None}
+    if isinstance(value, float):
+        if math.isfinite(value):
+            return value
+        return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
     if isinstance(value, tuple):
         return [_plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
-    return value
+    names = _field_names(value.__class__)
+    if not names:
+        return value
+    named = ((name, getattr(value, name)) for name in names)
+    return {name: _plain(item) for name, item in named if item is not None}
+
+
+@functools.cache
+def _field_names(cls: type) -> tuple[str, ...]:
+    """Return a dataclass's fields; nothing of another class."""
+    return tuple(field.name for field in dataclasses.fields(cls)) if dataclasses.is_dataclass(cls) else ()
 
 
 def _decoded(decoder: msgspec.json.Decoder[StepT], data: bytes) -> StepT:

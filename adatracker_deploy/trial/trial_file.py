@@ -6,8 +6,9 @@ What a policy was shown and answered is there to the bit, so that `replay` can a
 PNGs without loss; box, `action` and `context` (z) are float32 or float64 written as the shortest text that
 reads back the same; the frame's time is `t_ns` less `latency.observation_age_ms`; a tick with an empty
 `action` was too old to act on, and the policy was not asked; `config` has the seed of its reset and the
-SHA-256 of each file of its bundle; its last action is its own answer, not what the gate sent. The pictures
-are JPEG: what perception saw is not there to the bit, and no policy sees it.
+SHA-256 of each file of its bundle; its last action is its own answer, not what the gate sent. The pictures,
+which no policy sees, are JPEG: what perception saw is there to the bit only where the camera itself sends
+JPEGs, which are passed on as they came.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from typing import IO, TYPE_CHECKING
 from mcap.writer import CompressionType, IndexType, Writer
 
 from adatracker_deploy.trial.channels import Encoder, channels
+from adatracker_deploy.trial.handover import Picture
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -52,8 +54,9 @@ class TrialFile:
     def picture(
         self, wall_ns: int, captured_ns: int, seq: int, rgb: NDArray[np.uint8], mask: ClassMask
     ) -> None:
-        """Write a frame and its mask."""
-        self.write(self._encoder.picture(wall_ns, captured_ns, seq, rgb, mask))
+        """Write a frame, RGB uint8 (H, W, 3), and its mask."""
+        picture = Picture((rgb.shape[1], rgb.shape[0]), rgb, mask)
+        self.write(self._encoder.picture(wall_ns, captured_ns, seq, picture))
 
     def step(self, wall_ns: int, captured_ns: int, record: StepRecord) -> None:
         """Write a tick."""

@@ -99,7 +99,6 @@ class TrialWriter:
     def __init__(self, post: Post, slots: PictureSlots) -> None:
         self._post = post
         self._slots = slots
-        self._encoder = Encoder()
         self._view: LiveView | None = None
         self._summary_json: str | None = None
         self._last_sync_s = time.monotonic()
@@ -109,6 +108,7 @@ class TrialWriter:
         """Write until the tracker closes its end."""
         start: Start = self._post.receive(timeout_s=None)
         try:
+            self._encoder = Encoder(start.frames)
             if start.live_port is not None:
                 self._view = LiveView(start.live_port)
             self._write_trial(start)
@@ -182,13 +182,13 @@ class TrialWriter:
         return []
 
     def _encode_picture(self, step: Step) -> list[Message]:
-        if step.picture is None:
+        if step.place is None:
             return []
         try:
-            rgb, mask = self._slots.get(step.picture)
-            return self._encoder.picture(step.wall_ns, step.captured_ns, step.record.frame_seq, rgb, mask)
+            picture = self._slots.get(step.place)
+            return self._encoder.picture(step.wall_ns, step.captured_ns, step.record.frame_seq, picture)
         finally:
-            self._tell(Free(step.picture.slot))
+            self._tell(Free(step.place.slot))
 
     def _show(self, messages: list[Message]) -> None:
         """Hand messages to the live view; one that fails is given up, and the log says so."""
@@ -209,8 +209,8 @@ class TrialWriter:
                 message = self._post.receive(timeout_s=None)
                 if self._view is not None:
                     self._show(self._encode(message))
-                elif isinstance(message, Step) and message.picture is not None:
-                    self._tell(Free(message.picture.slot))
+                elif isinstance(message, Step) and message.place is not None:
+                    self._tell(Free(message.place.slot))
 
     def _tell(self, message: Ready | Free | Trouble) -> None:
         with contextlib.suppress(OSError):  # a tracker that has gone need not be told

@@ -7,6 +7,7 @@ import os
 
 import pytest
 
+from adatracker_deploy.cli import main
 from adatracker_deploy.trial.reader import read_trial
 
 from .conftest import COMMAND, Flight
@@ -47,6 +48,26 @@ def test_what_the_kernel_gave_to_loop_and_link_is_told_and_logged_and_so_are_the
     assert (trial.config["realtime"], trial.config["cpus"]) == (False, [core])
     assert all(found["p50"] is not None for found in summary["stages_ms"].values()), summary
     assert summary["stages_ms"]["sensor_to_wire"]["p50"] > summary["latency_ms"]["p50"]
+
+
+def test_a_trial_whose_pictures_were_not_kept_is_scored_and_replayed_all_the_same(tmp_path, capsys):
+    run = Flight(
+        [*COMMAND, "--platform", "wheeled", "--sitl", "--steps", "10", "--no-frames", "--json"], tmp_path
+    )
+    status, summary, err = run.end(timeout_s=120)
+    assert status == 0, err
+    assert summary["outcome"] == "completed"
+    (folder,) = (tmp_path / "trials").iterdir()
+    trial, page = read_trial(folder), tmp_path / "page.html"
+    assert (trial.frames_kept, len(trial.frame_seqs)) == ("none", 0)
+    assert "--no-frames" in trial.about["command"]
+    assert main(["score", str(folder)]) == 0
+    assert main(["replay", str(folder)]) == 0
+    assert main(["report", str(folder), "--out", str(page)]) == 0
+    assert "Frames were left out" in page.read_text()
+    capsys.readouterr()
+    assert main(["filmstrip", str(folder), "--out", str(tmp_path / "strip.png")]) == 2
+    assert "no camera frames in it" in capsys.readouterr().err
 
 
 def test_all_three_robots_print_the_papers_table(tmp_path):
