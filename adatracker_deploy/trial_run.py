@@ -28,8 +28,7 @@ from adatracker_deploy.runtime.loop import Ending, Loop
 from adatracker_deploy.runtime.scheduling import ORDINARY, Scheduling, obtained
 from adatracker_deploy.trial.live_port import app_url, websocket_url
 from adatracker_deploy.trial.log import TrialLog
-from adatracker_deploy.trial.scored_steps import ScoredSteps
-from adatracker_deploy.trial.summary import summarise
+from adatracker_deploy.trial.tally import Tally
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -123,7 +122,7 @@ class _Trial:
         self.started_s = started_s
         self.stack = stack
         self.clock = MonotonicClock(speed=plan.speed)
-        self.records = ScoredSteps()
+        self.tally = Tally()
         self.errors: list[str] = []
         self.injection: Injection | None = None
         """Of faults, where any were asked for."""
@@ -296,7 +295,7 @@ class _Trial:
     def _write(self, record: StepRecord, seen: Seen) -> None:
         if self.injection is not None:
             self.injection.follow()
-        self.records.append(record)
+        self.tally.add(record)
         self.log.step(record, seen.frame, seen.observation)
         self._log_events()
         self.progress.step(record)
@@ -336,8 +335,7 @@ class _Trial:
         self._log_events()
         if self.errors and ending.outcome == "completed":
             ending = Ending("system_fault", self.errors[-1])  # a drone that did not land is no success
-        summary = summarise(
-            self.records,
+        summary = self.tally.summary(
             platform=self.plan.platform.name,
             policy=self.plan.policy.info.name,
             outcome=ending.outcome,

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from adatracker_deploy.trial.box_file import BoxOptions
     from adatracker_deploy.trial.metrics import Rules
-    from adatracker_deploy.trial.summary import Summary
+    from adatracker_deploy.trial.tally import Summary
 
 
 def add_scoring_options(parser: argparse.ArgumentParser) -> None:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from adatracker_deploy.trial.reader import LoggedFrame, Trial
     from adatracker_deploy.trial.record import StepRecord
-    from adatracker_deploy.trial.summary import Summary
+    from adatracker_deploy.trial.tally import Summary
 
 PICTURE_HEIGHT_PX = 360
 _JPEG_QUALITY = 80

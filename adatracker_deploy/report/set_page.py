@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from adatracker_deploy.report.gather import Report
-    from adatracker_deploy.trial.summary import Summary
+    from adatracker_deploy.trial.tally import Summary
 
 LOOKS = 6
 """Kinds of lines that can be told apart; more groups share them."""

@@ -1,4 +1,4 @@
-"""Statistics of few trials: intervals, exact tests, survival. Pure functions of numbers; knows no trials.
+"""Statistics: intervals, exact tests and survival for few trials, and sums and quantiles of endless ticks.
 
-The formulas are few and exact, so they are written out here, each with its source.
+Knows numbers and no trials. The formulas are few, so they are written out here, each with its source.
 """

@@ -18,7 +18,7 @@ from adatracker_deploy.trial.summary import columns_of
 if TYPE_CHECKING:
     from collections.abc import Hashable, Sequence
 
-    from adatracker_deploy.trial.summary import Summary
+    from adatracker_deploy.trial.tally import Summary
 
 Pairing = Literal["auto", "order", "none"]
 RATE_TOLERANCE = 0.1

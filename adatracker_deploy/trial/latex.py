@@ -9,7 +9,7 @@ from adatracker_deploy.trial.summary import by_method, statistics_of
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from adatracker_deploy.trial.summary import Summary
+    from adatracker_deploy.trial.tally import Summary
 
 _SPECIAL = str.maketrans(
     {

@@ -13,15 +13,14 @@ What the paper prints and what its simulator's code does instead are `Rules`.
 
 from __future__ import annotations
 
-import dataclasses
 import math
-import statistics
 from dataclasses import dataclass
-from itertools import islice
 from typing import TYPE_CHECKING, Protocol
 
+from adatracker_deploy.stats.running import RunningSum
+
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable
 
     from adatracker_deploy.messages import Box
 
@@ -55,16 +54,6 @@ def box_reward(box: Box, reference: Box) -> float:
     centre = math.hypot(box.cx - reference.cx, box.cy - reference.cy)
     size = math.hypot(box.w - reference.w, box.h - reference.h)
     return 1.0 / (1.0 + centre + size)
-
-
-def ticks_until_lost(seen: Iterable[bool], max_lost_steps: int = MAX_LOST_STEPS) -> int | None:
-    """Return how many ticks pass up to and with the one that ends a trial as lost, or None if none does."""
-    lost = 0
-    for ticks, visible in enumerate(seen, start=1):
-        lost = 0 if visible else lost + 1
-        if lost >= max_lost_steps:
-            return ticks
-    return None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,44 +119,76 @@ def is_box(box: Box) -> bool:
     return box.w > 0 and box.h > 0 and math.isfinite(box.cx + box.cy + box.w + box.h)
 
 
-def score_boxes(boxes: Sequence[Box | None], rules: Rules = DEFAULT_RULES) -> Score:
-    """Score one box a tick, None where the target is lost; the first box is the reference.
+class Scorer:
+    """Scores a trial tick by tick, in the same memory however long it lasts.
 
-    Ticks before the first box count as lost, and so does a box that is none. Ticks after the end of the
-    trial, by the rule of lost steps, do not count at all.
+    The first box is the reference. Ticks before it count as lost, and so does a box that is none. Ticks after
+    the end of the trial, by the rule of lost steps, do not count at all.
     """
-    seen = [box if box is not None and is_box(box) else None for box in boxes]
-    end = ticks_until_lost((box is not None for box in seen), rules.max_lost_steps)
-    visible = [box for box in seen[:end] if box is not None]
-    rewards = [box_reward(box, visible[0]) for box in visible[1:]]
-    ticks = len(seen[:end])
-    el = max(0, ticks - 1)
-    total = math.fsum(rewards) + (1.0 if rules.count_reference and visible else 0.0)
-    return Score(
-        mr=total / el if el else 0.0,
-        mr_visible=statistics.fmean(rewards) if rewards else None,
-        visibility=len(rewards) / el if el else 0.0,
-        el=el,
-        lost=end is not None,
-        ticks=ticks,
-        bad_boxes=sum(box is not None for box in boxes[:ticks]) - len(visible),
-    )
+
+    def __init__(self, rules: Rules = DEFAULT_RULES) -> None:
+        self.rules = rules
+        self._reference: Box | None = None
+        self._box_rewards, self._rewards = RunningSum(), RunningSum()
+        self._ticks, self._el, self._lost_in_a_row, self._bad_boxes = 0, 0, 0, 0
+
+    @property
+    def lost(self) -> bool:
+        """Whether the rule of lost steps has ended the trial."""
+        return self._lost_in_a_row >= self.rules.max_lost_steps
+
+    def add_box(self, box: Box | None) -> None:
+        """Take the next tick of a trial of which only boxes are known."""
+        if not self.lost:
+            self._el = self._ticks
+            self._see(box)
+
+    def add_step(self, step: ScorableStep) -> None:
+        """Take the next tick of a log, ordered by step.
+
+        A tick that is missing from the log (a busy writer drops rather than delays) is one tick fewer in
+        every mean; `el` counts it, because the steps carry their numbers.
+        """
+        if self.lost:
+            return
+        if self._ticks and step.distance_m is not None and step.bearing_rad is not None:
+            self._rewards.add(max(step_reward(step.distance_m, step.bearing_rad), self.rules.least_reward))
+        self._el = step.step
+        self._see(step.box)
+
+    def score(self) -> Score:
+        """Return what the ticks so far come to; AR is the sum of the reward over all but the first."""
+        scored, seen = max(0, self._ticks - 1), self._box_rewards.count
+        found = self._box_rewards.total()
+        total = found + (1.0 if self.rules.count_reference and self._reference is not None else 0.0)
+        return Score(
+            mr=total / scored if scored else 0.0,
+            mr_visible=found / seen if seen else None,
+            visibility=seen / scored if scored else 0.0,
+            el=self._el,
+            ar=self._rewards.total() if self._rewards.count else None,
+            lost=self.lost,
+            ticks=self._ticks,
+            bad_boxes=self._bad_boxes,
+        )
+
+    def _see(self, box: Box | None) -> None:
+        self._ticks += 1
+        if box is not None and not is_box(box):
+            self._bad_boxes += 1
+            box = None
+        self._lost_in_a_row = 0 if box is not None else self._lost_in_a_row + 1
+        if box is None:
+            return
+        if self._reference is None:
+            self._reference = box
+        else:
+            self._box_rewards.add(box_reward(box, self._reference))
 
 
-def score_steps(records: Sequence[ScorableStep], rules: Rules = DEFAULT_RULES) -> Score:
-    """Score a trial's log, ordered by step; AR is the sum of the reward over all steps after the first tick.
-
-    A tick that is missing from the log (a busy writer drops rather than delays) is one tick fewer in every
-    mean; `el` counts it, because the steps carry their numbers.
-    """
-    score = score_boxes([record.box for record in records], rules)
-    if not records:
-        return score
-    rewards = [
-        max(step_reward(record.distance_m, record.bearing_rad), rules.least_reward)
-        for record in islice(records, 1, score.ticks)
-        if record.distance_m is not None and record.bearing_rad is not None
-    ]
-    return dataclasses.replace(
-        score, el=records[score.ticks - 1].step, ar=math.fsum(rewards) if rewards else None
-    )
+def score_boxes(boxes: Iterable[Box | None], rules: Rules = DEFAULT_RULES) -> Score:
+    """Score one box a tick, None where the target is lost."""
+    scorer = Scorer(rules)
+    for box in boxes:
+        scorer.add_box(box)
+    return scorer.score()

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from adatracker_deploy.trial.stages import Percentiles
-    from adatracker_deploy.trial.summary import Summary
+    from adatracker_deploy.trial.tally import Summary
 
 
 def stage_table(summaries: Sequence[Summary]) -> Table:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from array import array
 from typing import TYPE_CHECKING
 
-import numpy as np
+from adatracker_deploy.stats.running import RunningQuantiles
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -27,22 +26,27 @@ STAGES = {
 """What each stage is, in the order of the way; names are the fields of `Latency` without their unit."""
 
 
-def latency_percentiles(latencies: Iterable[Latency], names: Iterable[str]) -> dict[str, Percentiles]:
-    """Return the percentiles of some fields of `Latency`, by their names without the unit.
+class LatencyPercentiles:
+    """The percentiles of some fields of `Latency`, by their names without the unit, as ticks come.
 
-    Logs from before a stage was measured have None there. Ticks are looked at once and not kept: a trial may
-    be hours long.
+    Exact in a short trial, within 0.1 % in a long one (`RunningQuantiles`). Logs from before a stage was
+    measured have None there.
     """
-    known = {name: array("d") for name in names}
-    for latency in latencies:
-        for name, values_ms in known.items():
+
+    def __init__(self, names: Iterable[str]) -> None:
+        self._known = {name: RunningQuantiles() for name in names}
+
+    def add(self, latency: Latency) -> None:
+        """Take the next tick's."""
+        for name, values_ms in self._known.items():
             if (value_ms := getattr(latency, f"{name}_ms")) is not None:
-                values_ms.append(value_ms)
-    return {name: _percentiles(values_ms) for name, values_ms in known.items()}
+                values_ms.add(value_ms)
+
+    def found(self) -> dict[str, Percentiles]:
+        """Return them as they are so far."""
+        return {name: _percentiles(values_ms) for name, values_ms in self._known.items()}
 
 
-def _percentiles(values_ms: array[float]) -> Percentiles:
-    if not values_ms:
-        return {"p50": None, "p99": None, "max": None}
-    p50, p99, highest = np.percentile(values_ms, (50, 99, 100))
-    return {"p50": float(p50), "p99": float(p99), "max": float(highest)}
+def _percentiles(values_ms: RunningQuantiles) -> Percentiles:
+    p50, p99, highest = values_ms.quantiles((0.5, 0.99, 1.0)) or (None, None, None)
+    return {"p50": p50, "p99": p99, "max": highest}

@@ -1,19 +1,15 @@
-"""What a trial, and a set of trials, came to: the JSON that runs and `score` print.
-
-Keys are a contract: more may be added, none is renamed. Lengths are in m, times in s unless the key says ms.
-"""
+"""What a log, a file of boxes, and a set of trials came to: the JSON that runs and `score` print."""
 
 from __future__ import annotations
 
 from collections import Counter
-from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from adatracker_deploy.stats.intervals import mean_estimate, mean_std, share_estimate
 from adatracker_deploy.stats.survival import kaplan_meier, median_duration
 from adatracker_deploy.trial.marks import holding, said
-from adatracker_deploy.trial.metrics import DEFAULT_RULES, Rules, score_boxes, score_steps
-from adatracker_deploy.trial.stages import STAGES, latency_percentiles
+from adatracker_deploy.trial.metrics import DEFAULT_RULES, Rules, score_boxes
+from adatracker_deploy.trial.tally import Summary, Tally
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -21,55 +17,7 @@ if TYPE_CHECKING:
 
     from adatracker_deploy.trial.box_file import BoxTrack
     from adatracker_deploy.trial.reader import ScoredTrial, Trial
-    from adatracker_deploy.trial.record import Outcome, ScoredStep, StepRecord
-
-Summary = dict[str, Any]
-
-
-def summarise(
-    records: Sequence[StepRecord | ScoredStep],
-    *,
-    platform: str,
-    policy: str,
-    outcome: Outcome,
-    reason: str,
-    steps: int,
-    stop_s: float | None,
-    trial: Path,
-    rules: Rules = DEFAULT_RULES,
-) -> Summary:
-    """Sum up one trial.
-
-    Args:
-        records: its ticks, ordered by step.
-        platform: the robot's name.
-        policy: the policy's name.
-        outcome: how it ended.
-        reason: why, in words; may be empty.
-        steps: the planned horizon; `el` says how many were reached.
-        stop_s: from the stop to standstill; None where the robot was not moving.
-        trial: its folder.
-        rules: how to score. Where they end the trial sooner than it ended, it was lost.
-    """
-    score = score_steps(records, rules)
-    if score.lost and (score.ticks < len(records) or outcome == "completed"):
-        outcome, reason = "lost", f"scored so: the target was not seen for {rules.max_lost_steps} steps"
-    return {
-        "platform": platform,
-        "policy": policy,
-        "outcome": outcome,
-        "mr": score.mr,
-        "mr_visible": score.mr_visible,
-        "visibility": score.visibility,
-        "el": score.el,
-        "ar": score.ar,
-        "steps": steps,
-        **_timing(records, score.ticks),
-        "stop_s": stop_s,
-        "reason": reason,
-        "trial": str(trial),
-        "bad_boxes": score.bad_boxes,
-    }
+    from adatracker_deploy.trial.record import ScoredStep, StepRecord
 
 
 def summarise_log(trial: Trial | ScoredTrial, rules: Rules = DEFAULT_RULES) -> Summary:
@@ -88,8 +36,7 @@ def summarise_log(trial: Trial | ScoredTrial, rules: Rules = DEFAULT_RULES) -> S
         outcome, mark = held
         reason = mark.note or "marked by the operator"
         steps = steps[: _ticks_until(steps, mark.since_s)]
-    summary = summarise(
-        steps,
+    summary = Tally(steps, rules).summary(
         platform=trial.platform,
         policy=trial.policy,
         outcome=outcome,
@@ -97,7 +44,6 @@ def summarise_log(trial: Trial | ScoredTrial, rules: Rules = DEFAULT_RULES) -> S
         steps=trial.planned_steps,
         stop_s=ended.get("stop_s"),
         trial=trial.path.parent,
-        rules=rules,
     )
     dealt = {key: trial.config.get(key) for key in ("seed", "scene", "target_speed_m_s")}
     return {
@@ -205,23 +151,3 @@ def _ticks_until(steps: Sequence[StepRecord | ScoredStep], since_s: float | None
     if since_s is None:
         return len(steps)
     return sum(step.t_ns <= steps[0].t_ns + since_s * 1e9 for step in steps)
-
-
-def _timing(records: Sequence[StepRecord | ScoredStep], ticks: int) -> Summary:
-    """Rate over the first `ticks`, and their latencies; None where there is nothing to time."""
-    latencies = (record.latency for record in islice(records, ticks))
-    found = latency_percentiles(latencies, ("sensor_to_command", "lateness", *STAGES))
-    timing: Summary = {
-        "rate_hz": None,
-        "seconds": 0.0,
-        "latency_ms": found["sensor_to_command"],
-        "stages_ms": {stage: found[stage] for stage in STAGES},
-        "lateness_ms": found["lateness"],
-        "missed_deadlines": 0,
-    }
-    if ticks:
-        first, last = records[0], records[ticks - 1]
-        timing["seconds"] = seconds = (last.t_ns - first.t_ns) / 1e9
-        timing["rate_hz"] = (last.step - first.step) / seconds if seconds > 0 else None
-        timing["missed_deadlines"] = last.missed_deadlines
-    return timing

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from rich.console import RenderableType
 
-    from adatracker_deploy.trial.summary import Summary
+    from adatracker_deploy.trial.tally import Summary
 
 
 def summary_table(summaries: Sequence[Summary]) -> RenderableType:

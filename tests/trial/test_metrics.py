@@ -10,11 +10,12 @@ from hypothesis import strategies as st
 
 from adatracker_deploy.messages import Box
 from adatracker_deploy.trial.metrics import (
+    DEFAULT_RULES,
     MAX_LOST_STEPS,
     Rules,
+    Scorer,
     box_reward,
     score_boxes,
-    score_steps,
     step_reward,
     target_visible,
 )
@@ -25,6 +26,13 @@ size = st.floats(0.001, 1)
 boxes = st.builds(Box, fraction, fraction, size, size)
 short_trials = st.lists(st.none() | boxes, max_size=MAX_LOST_STEPS)
 """Too short to end by the rule of lost steps."""
+
+
+def score_steps(steps, rules=DEFAULT_RULES):
+    scorer = Scorer(rules)
+    for step in steps:
+        scorer.add_step(step)
+    return scorer.score()
 
 
 def test_a_perfect_trial_scores_one_and_not_more():

@@ -11,8 +11,9 @@ from rich.console import Console
 from adatracker_deploy.trial.record import Latency
 from adatracker_deploy.trial.stage_table import stage_table
 from adatracker_deploy.trial.stages import STAGES
-from adatracker_deploy.trial.summary import summarise, summarise_set
+from adatracker_deploy.trial.summary import summarise_set
 from adatracker_deploy.trial.summary_table import summary_table
+from adatracker_deploy.trial.tally import Tally
 from tests.trial.records import TICK_NS, a_step
 
 CONTRACT = {
@@ -24,7 +25,7 @@ CONTRACT = {
 def a_summary(records=None, outcome="completed", steps=10, **changes):
     records = [a_step(step) for step in range(11)] if records is None else records
     about = {"platform": "drone", "policy": "pid", "reason": "", "stop_s": 0.5, "trial": Path("trials/one")}
-    return summarise(records, outcome=outcome, steps=steps, **(about | changes))
+    return Tally(records).summary(outcome=outcome, steps=steps, **(about | changes))
 
 
 def drawn(summaries):

@@ -1,0 +1,100 @@
+"""One trial, summed up tick by tick: while it runs, and from its log, with the same result."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from adatracker_deploy.trial.metrics import DEFAULT_RULES, Rules, Scorer
+from adatracker_deploy.trial.stages import STAGES, LatencyPercentiles
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from pathlib import Path
+
+    from adatracker_deploy.trial.record import Outcome, ScoredStep, StepRecord
+
+Summary = dict[str, Any]
+"""Keys are a contract: more may be added, none is renamed. Lengths in m, times in s unless a key says ms."""
+
+
+class Tally:
+    """What a trial comes to, in the same memory however long it lasts: it keeps none of its ticks.
+
+    Args:
+        steps: ticks to begin with, ordered by step; each is what `add` takes.
+        rules: how to score.
+    """
+
+    def __init__(self, steps: Iterable[StepRecord | ScoredStep] = (), rules: Rules = DEFAULT_RULES) -> None:
+        self._scorer = Scorer(rules)
+        self._latencies = LatencyPercentiles(("sensor_to_command", "lateness", *STAGES))
+        self._first_step, self._first_ns = 0, 0
+        self._last_step, self._last_ns = 0, 0
+        self._missed_deadlines = 0
+        self._ticks = 0
+        for step in steps:
+            self.add(step)
+
+    def add(self, step: StepRecord | ScoredStep) -> None:
+        """Take the next tick; those after the end of a trial, by the rule of lost steps, do not count."""
+        if not self._ticks:
+            self._first_step, self._first_ns = step.step, step.t_ns
+        self._ticks += 1
+        if self._scorer.lost:
+            return
+        self._scorer.add_step(step)
+        self._latencies.add(step.latency)
+        self._last_step, self._last_ns = step.step, step.t_ns
+        self._missed_deadlines = step.missed_deadlines
+
+    def summary(
+        self,
+        *,
+        platform: str,
+        policy: str,
+        outcome: Outcome,
+        reason: str,
+        steps: int,
+        stop_s: float | None,
+        trial: Path,
+    ) -> Summary:
+        """Sum up what came so far.
+
+        Args:
+            platform: the robot's name.
+            policy: the policy's name.
+            outcome: how it ended.
+            reason: why, in words; may be empty.
+            steps: the planned horizon; `el` says how many were reached.
+            stop_s: from the stop to standstill; None where the robot was not moving.
+            trial: its folder.
+
+        Where the rules end the trial sooner than it ended, it was lost.
+        """
+        score = self._scorer.score()
+        if score.lost and (score.ticks < self._ticks or outcome == "completed"):
+            lost_steps = self._scorer.rules.max_lost_steps
+            outcome, reason = "lost", f"scored so: the target was not seen for {lost_steps} steps"
+        seconds = (self._last_ns - self._first_ns) / 1e9
+        found = self._latencies.found()
+        return {
+            "platform": platform,
+            "policy": policy,
+            "outcome": outcome,
+            "mr": score.mr,
+            "mr_visible": score.mr_visible,
+            "visibility": score.visibility,
+            "el": score.el,
+            "ar": score.ar,
+            "steps": steps,
+            "rate_hz": (self._last_step - self._first_step) / seconds if seconds > 0 else None,
+            "seconds": seconds,
+            "latency_ms": found["sensor_to_command"],
+            "stages_ms": {stage: found[stage] for stage in STAGES},
+            "lateness_ms": found["lateness"],
+            "missed_deadlines": self._missed_deadlines,
+            "stop_s": stop_s,
+            "reason": reason,
+            "trial": str(trial),
+            "bad_boxes": score.bad_boxes,
+        }
