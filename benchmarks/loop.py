@@ -1,7 +1,7 @@
 """How well the loop keeps time: whole rehearsals at 20 Hz, with and without a log, idle and beside CPU hogs.
 
-Run with ``python benchmarks/loop.py [--minutes 10] [--hogs 0 4] [--log yes no] [--awake] [--realtime]
-[--cpu LIST]``.
+Run with ``python benchmarks/loop.py [--minutes 10] [--hogs 0 4] [--rest MS] [--log yes no]
+[--awake | --asleep] [--realtime] [--cpu LIST]``.
 
 The simulated robot is started once a row and goes on running. It stands for a machine of its own: where the
 system allows, it is given precedence over all else here (nice -18). The hogs begin when the loop does.
@@ -10,13 +10,14 @@ Every row is so many minutes of `run_trial`, link, camera and perception include
 protective stop: a machine too busy is a reason for one) is followed by another. Times are those of the ticks
 as they are logged. The shortest interval is that between two set-points handed to the link, and in brackets
 that between two ticks, which is what the loop promises: half a period. The rate is ticks over time; without
-drift it is 20 Hz less what was missed.
+drift it is 20 Hz less what was missed. Stolen is what a host took of all cores together.
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import functools
 import itertools
 import os
 import tempfile
@@ -29,6 +30,7 @@ from unittest.mock import patch
 import numpy as np
 from rehearsals import cpu_hogs, favour_robot, machine, rehearsal
 
+from adatracker_deploy.doctor.machine import stolen_s
 from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_deploy.runtime.scheduling import Scheduling, read_cpus
@@ -37,7 +39,8 @@ from adatracker_deploy.trial_run import run_trial
 RATE_HZ = 20.0
 RATE_WITHIN = 0.001
 HEAD = (
-    "hogs | log | s | trials | Hz | missed | shortest ms | lateness p50 / p99 / max ms | wire p50 / p99 ms |"
+    "hogs | log | stolen s | s | trials | Hz | missed | shortest ms | lateness p50 / p99 / max ms | "
+    "wire p50 / p99 ms |"
 )
 GIVE_UP = 3.0
 """Times the minutes asked for, by the clock on the wall."""
@@ -46,13 +49,13 @@ GIVE_UP = 3.0
 class Recorder:
     """Keeps every tick of one trial; when its loop begins, so do the hogs."""
 
-    def __init__(self, hogs, until):
+    def __init__(self, hogs):
         self.records = []
-        self._hogs, self._until = hogs, until
+        self._hogs = hogs
 
     def phase(self, text):
         if text.startswith("following"):
-            self._until.enter_context(cpu_hogs(self._hogs))
+            self._hogs()
 
     def step(self, record):
         self.records.append(record)
@@ -76,7 +79,7 @@ class NoLog:
 
 
 def measured(platform, minutes, hogs, scheduling):
-    """Run trials for so many minutes; return their ticks, trial by trial, and how they ended."""
+    """Run trials for so many minutes beside `hogs`; return their ticks, by trial, and how they ended."""
     trials, endings = [], Counter()
     left_s, clock = minutes * 60, MonotonicClock()
     with contextlib.ExitStack() as stack:
@@ -90,7 +93,7 @@ def measured(platform, minutes, hogs, scheduling):
             plan = replace(plan, steps=round(left_s * RATE_HZ))
             try:
                 with contextlib.ExitStack() as until:
-                    recorder = Recorder(hogs, until)
+                    recorder = Recorder(lambda until=until: until.enter_context(hogs()))
                     summary = run_trial(plan, recorder, time.monotonic())
             except PlatformError as error:
                 endings[str(error)] += 1
@@ -147,23 +150,30 @@ def main():
     parser.add_argument("--minutes", type=float, default=10.0, help="of each row (default: %(default)s)")
     parser.add_argument("--platform", default="wheeled")
     parser.add_argument("--hogs", type=int, nargs="+", default=[0, 4], help="busy processes beside it")
+    parser.add_argument("--rest", type=float, default=0.0, metavar="MS", help="of the hogs, in every 100 ms")
     parser.add_argument("--log", choices=("yes", "no"), nargs="+", default=["yes", "no"])
-    parser.add_argument("--awake", action="store_true", help="keep cores awake, as --realtime does")
+    cores = parser.add_mutually_exclusive_group()
+    cores.add_argument("--awake", action="store_true", help="keep cores awake, as --realtime does")
+    cores.add_argument("--asleep", action="store_true", help="let them sleep in spite of --realtime")
     parser.add_argument("--realtime", action="store_true", help="SCHED_FIFO for loop and link")
     parser.add_argument("--cpu", metavar="LIST", help="cores for loop and link")
     options = parser.parse_args()
     cpus = read_cpus(options.cpu, os.sched_getaffinity(0)) if options.cpu else frozenset()
     scheduling = Scheduling(options.realtime, cpus)
     scheduling.check()
+    if options.asleep:
+        Scheduling.awake = lambda _: contextlib.nullcontext(enter_result=False)
     with Scheduling(options.realtime or options.awake).awake() as awake:
         told = f"{machine()}, {scheduling}, cores {'awake' if awake else 'may sleep'}"
         print(f"{options.platform}, {time.strftime('%Y-%m-%d')}, {told}", flush=True)
         print(HEAD)
         for hogs, log in itertools.product(options.hogs, options.log):
             without = patch("adatracker_deploy.trial_run.TrialLog", NoLog)
+            beside, before_s = functools.partial(cpu_hogs, hogs, options.rest), stolen_s()
             with without if log == "no" else contextlib.nullcontext():
-                trials, endings = measured(options.platform, options.minutes, hogs, scheduling)
-            print(f"{hogs:4d} | {log:3s} | {row(trials) if trials else 'no trial began'}", flush=True)
+                trials, endings = measured(options.platform, options.minutes, beside, scheduling)
+            figures = row(trials) if trials else "no trial began"
+            print(f"{hogs:4d} | {log:3s} | {stolen_s() - before_s:.1f} | {figures}", flush=True)
             for ending, count in endings.most_common():
                 print(f"           {count} x {ending}", flush=True)
 

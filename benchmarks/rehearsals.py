@@ -62,9 +62,17 @@ def rehearsal(
 
 
 @contextlib.contextmanager
-def cpu_hogs(count: int):
-    """Keep so many processes busy with nothing."""
-    hogs = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
+def cpu_hogs(count: int, rest_ms: float = 0.0):
+    """Keep so many processes busy with nothing, all but the first `rest_ms` of every 100 ms.
+
+    A machine that is lent by quota is taken away for what is left of its period, up to 100 ms, when all its
+    cores were busy all the time; no priority inside it helps.
+    """
+    rest_s = rest_ms / 1e3
+    work = f"if time.monotonic() % 0.1 < {rest_s}: time.sleep({rest_s})" if rest_ms else "pass"
+    hogs = [
+        subprocess.Popen([sys.executable, "-c", f"import time\nwhile True:\n  {work}"]) for _ in range(count)
+    ]
     try:
         yield
     finally:

@@ -22,6 +22,9 @@ STEADY_CLOCKS = ("tsc", "arch_sys_counter", "kvm-clock", "hyperv_clocksource_tsc
 COARSEST_CLOCK_S = 1e-6
 
 _GOVERNORS = Path("/sys/devices/system/cpu")
+_STAT = Path("/proc/stat")
+_STEAL = 8
+"""Its column of the time in which a core was ready to run, but the host ran others (proc_stat(5))."""
 _CLOCK = Path("/sys/devices/system/clocksource/clocksource0/current_clocksource")
 
 
@@ -38,6 +41,16 @@ def machine_checks(place: Path) -> tuple[Check, ...]:
         ),
         space_check(shutil.disk_usage(place).free, place),
     )
+
+
+def stolen_s() -> float:
+    """Return for how long its host has kept this machine from running since it started, summed over cores.
+
+    0 on a machine of its own, and where the system does not tell.
+    """
+    if not _STAT.exists():
+        return 0.0
+    return int(_STAT.read_text().split(maxsplit=_STEAL + 1)[_STEAL]) / os.sysconf("SC_CLK_TCK")
 
 
 def cores_check(count: int, load: float) -> Check:

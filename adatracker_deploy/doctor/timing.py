@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from adatracker_deploy.doctor.machine import LOG_BYTES_PER_S
+from adatracker_deploy.doctor.machine import LOG_BYTES_PER_S, stolen_s
 from adatracker_deploy.messages import Frame, Observation
 from adatracker_deploy.perception.drawing import MASK_SIZE
 from adatracker_deploy.platform import Check
@@ -35,6 +35,9 @@ SLOW_SYNC_S, BLOCKING_SYNC_S = 0.1, 1.0
 """For what the log writes in a second, at the slowest; the writer's queue holds several seconds."""
 PICTURE = (480, 640)
 
+WORTH_TELLING_S = 0.05
+"""Of stolen time; Linux counts it in hundredths of a second."""
+
 _POLICY_TICKS, _PICTURES, _SYNCS = 200, 40, 12
 _CAMERA_S = 2.0
 
@@ -48,6 +51,8 @@ class Lateness:
     """Slots, all together."""
     in_a_row: int
     """Slots, at the worst."""
+    stolen_s: float = 0.0
+    """What a virtual machine's host took of its cores meanwhile, all together."""
 
 
 def measured_lateness(policy: Policy, clock: Clock, seconds: float) -> Lateness:
@@ -59,7 +64,7 @@ def measured_lateness(policy: Policy, clock: Clock, seconds: float) -> Lateness:
     gc.freeze()
     try:
         pacer = Pacer(clock, policy.info.rate_hz)
-        late, worst = [], 0
+        late, worst, before_s = [], 0, stolen_s()
         for _ in range(max(1, round(seconds * policy.info.rate_hz))):
             tick = pacer.wait()
             policy.act(observation)
@@ -67,7 +72,7 @@ def measured_lateness(policy: Policy, clock: Clock, seconds: float) -> Lateness:
             worst = max(worst, tick.skipped)
     finally:
         gc.unfreeze()
-    return Lateness(tuple(late), pacer.missed, worst)
+    return Lateness(tuple(late), pacer.missed, worst, stolen_s() - before_s)
 
 
 def lateness_check(late: Lateness, rate_hz: float) -> Check:
@@ -78,6 +83,9 @@ def lateness_check(late: Lateness, rate_hz: float) -> Check:
     if p99 < LATE_P99_S and most < LATE_MAX_S and not late.missed:
         return Check("loop", True, told)
     mend = "stop what else runs here, give it real-time priority with --realtime, or a machine of its own"
+    if late.stolen_s >= WORTH_TELLING_S:
+        told += f"; meanwhile the host of this virtual machine took {late.stolen_s:.2f} s of its cores"
+        mend = "no priority helps against that; keep more of its processors' time free, or use a real machine"
     return Check("loop", False, f"{told}: {mend}", blocking=late.in_a_row >= MISSED_IN_A_ROW)
 
 

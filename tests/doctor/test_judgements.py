@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +54,13 @@ def verdict(check):
         (timing.lateness_check(Lateness((0.001,) * 999 + (0.011,), 0, 0), 20), DOUBTED, "at most 11.0"),
         (timing.lateness_check(Lateness((0.001,) * 100, 2, 2), 20), DOUBTED, "2 slots missed"),
         (timing.lateness_check(Lateness((0.001,) * 100, 3, 3), 20), REFUSED, "3 slots missed"),
+        (timing.lateness_check(Lateness((0.001,) * 100, 0, 0, 0.3), 20), OK, "no slot missed"),
+        (timing.lateness_check(Lateness((0.001,) * 100, 2, 2, 0.04), 20), DOUBTED, "missed: stop what"),
+        (
+            timing.lateness_check(Lateness((0.001,) * 100, 2, 2, 0.3), 20),
+            DOUBTED,
+            "took 0.30 s of its cores: no",
+        ),
         (timing.policy_check((0.002,) * 50, 10), OK, "p50 2.00, p99 2.00 ms of 100"),
         (timing.policy_check((0.03,) * 50, 10), DOUBTED, "a smaller network"),
         (timing.policy_check((0.06,) * 50, 10), REFUSED, "a faster machine"),
@@ -94,6 +102,21 @@ def test_a_policy_that_takes_too_long_makes_the_loop_late_and_miss_slots():
     # The second tick ends 60 ms after its slot: the third is 10 ms late and ends 240 ms after its own.
     np.testing.assert_allclose(late.seconds, (0, 0, 0.010, 0, 0), atol=1e-9)
     assert (late.missed, late.in_a_row) == (4, 4)
+
+
+def test_what_the_host_took_is_the_eighth_of_the_processors_times(monkeypatch, tmp_path):
+    stat = tmp_path / "stat"
+    monkeypatch.setattr(machine, "_STAT", stat)
+    assert machine.stolen_s() == 0.0  # a system without it
+    stat.write_text("cpu  264924 0 11912 176839 927 0 434 3961 0 0\ncpu0 1 2 3 4 5 6 7 8 9 10\n")
+    assert machine.stolen_s() == 3961 / os.sysconf("SC_CLK_TCK")
+
+
+def test_what_the_host_took_is_that_of_the_measurement(monkeypatch):
+    clock = FakeClock()
+    taken = iter((7.0, 7.25))
+    monkeypatch.setattr(timing, "stolen_s", lambda: next(taken))
+    assert timing.measured_lateness(Slow(clock, [0] * 6), clock, 0.25).stolen_s == 0.25
 
 
 def test_the_disk_is_written_where_it_is_said_and_left_as_it_was(tmp_path):
