@@ -69,15 +69,20 @@ def answer(verdict, stall_s=0.0):
 
 
 @pytest.mark.parametrize(
-    ("answers", "verdict", "tries"),
+    ("answers", "alone", "verdict", "tries"),
     [
-        ([answer("ok", 0.5)], "ok", 1),
-        ([answer("LATE", 0.01)], "LATE", 1),
-        ([answer("LATE", 0.2), answer("WRONG", 0.1), answer("ok")], "ok", 3),
-        ([answer("LATE", 0.2)] * 3, "LATE", 3),
+        ([answer("ok", 0.5)], False, "ok", 1),
+        ([answer("LATE", 0.01)], False, "LATE", 1),
+        ([answer("LATE", 0.2), answer("WRONG", 0.1), answer("ok")], False, "ok", 3),
+        ([answer("LATE", 0.2)] * 3, False, "LATE", 3),
+        ([answer("ok")], True, "ok", 1),
+        ([answer("LATE", 0.01), answer("ok")], True, "ok", 2),
+        ([answer("LATE", 0.01)] * 3, True, "LATE", 3),
     ],
 )
-def test_a_row_that_goes_wrong_is_run_again_only_where_the_machine_stood_still(answers, verdict, tries):
+def test_a_row_that_goes_wrong_is_run_again_where_the_machine_stood_still_or_it_is_one_of_timing(
+    answers, alone, verdict, tries
+):
     left, folders = iter(answers), []
 
     def row(_, folder):
@@ -85,7 +90,7 @@ def test_a_row_that_goes_wrong_is_run_again_only_where_the_machine_stood_still(a
         assert list(folder.iterdir()) == []
         return next(left)
 
-    result = faults._until_calm(faults.Job(row, "wheeled"), Stalls())
+    result = faults._until_calm(faults.Job(row, "wheeled", alone), Stalls())
     assert (result.verdict, result.tries) == (verdict, tries)
     assert next(left, None) is None
     assert not any(folder.exists() for folder in folders)
