@@ -5,9 +5,8 @@ python benchmarks/live.py [--seconds 20] [--rounds 6] [--awake]
 The real loop, link process, perception thread and log writer at 20 Hz, with pictures of 640x480 at 30 Hz
 that lie ready in memory: decoded, and as the JPEGs that network cameras and ROS topics send; a camera of raw
 pictures, whose JPEGs the writer makes itself, is a case of its own. Masks are of the size that perception
-makes. The cases take turns, each round
-beginning with another, so that whatever else the machine does meets each of them; a case's p99 is the median
-of its rounds'.
+makes. The cases take turns, each round beginning with another, so that whatever else the machine does meets
+each of them; a case's p99 is the median of its rounds'.
 """
 
 from __future__ import annotations
@@ -70,10 +69,8 @@ class ReadyCamera:
             large[120:400, left : left + 100] = MaskClass.TARGET
             picture[large == MaskClass.TARGET] //= 2
             mask = cv2.resize(large, (MASK_SIZE, MASK_SIZE), interpolation=cv2.INTER_NEAREST)
-            jpeg = cv2.imencode(".jpg", picture[..., ::-1], (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY))[
-                1
-            ].tobytes()
-            self.shown.append((picture, mask, Box.of_mask(mask), jpeg))
+            _, jpeg = cv2.imencode(".jpg", picture[..., ::-1], (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY))
+            self.shown.append((picture, mask, Box.of_mask(mask), jpeg.tobytes()))
         self.frame: Frame | None = None
 
     def open(self) -> None:

@@ -47,7 +47,7 @@ GIVE_UP = 3.0
 
 
 class Recorder:
-    """Keeps every tick of one trial; when its loop begins, so do the hogs."""
+    """Keeps every tick of one trial; calls `hogs` when its loop begins."""
 
     def __init__(self, hogs):
         self.records = []

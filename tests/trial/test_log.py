@@ -125,8 +125,7 @@ def test_a_writer_that_stands_still_delays_nothing_and_what_is_dropped_is_counte
                 log_steps(log, [step])
                 spent_s.append(time.perf_counter() - began_s)
         assert statistics.median(spent_s) < 0.001
-        # A host may take the core once or twice; a writer that delayed would delay hundreds, from full on.
-        assert sorted(spent_s)[-10] < 0.1
+        assert max(spent_s) < 0.1
         assert log.frames_dropped > 0
         assert 0 < log.dropped < 1000
         assert not log.trouble
