@@ -26,7 +26,7 @@ class Witness:
         self._process = subprocess.Popen(
             [sys.executable, "-S", __file__], stdin=subprocess.PIPE, stdout=subprocess.PIPE
         )
-        self._process.stdout.readline()  # it watches
+        self._process.stdout.readline()  # it is about to watch
         self._stalls: list[tuple[float, float]] = []
         os.set_blocking(self._process.stdout.fileno(), False)
         self._rest = b""
@@ -64,7 +64,7 @@ def _watch(core: int) -> None:
 
 
 if __name__ == "__main__":
+    os.write(1, b"\n")  # first of all: a stall may be told before the last thread is started
     for each in os.sched_getaffinity(0):
         threading.Thread(target=_watch, args=(each,), daemon=True).start()
-    os.write(1, b"\n")
     sys.stdin.read()  # until whoever started it is gone
