@@ -31,7 +31,10 @@ class Told:
 
 
 class Viewer:
-    """A client that is subscribed to `topics`, by default to all.
+    """A client that is subscribed to `topics`, by default to all, once it is made.
+
+    That a subscription is in force is nowhere said; but requests are answered in turn, and what was told in
+    between is thrown away with the answer.
 
     Args:
         port: of the live view.
@@ -66,6 +69,7 @@ class Viewer:
                 {"id": number, "channelId": channel["id"]} for number, channel in enumerate(wanted)
             ],
         )
+        self.ask(op="getParameters", parameterNames=[], id="subscribed")  # refused, after what it follows
 
     def send(self, **request) -> None:
         self.websocket.send(json.dumps(request))
