@@ -139,24 +139,21 @@ class TargetLock:
         was_lost = self._target.lost
         target = replace(self._target, person=self._target.person.expected(motion, dt_s))
         others = [replace(other, person=other.person.expected(motion, dt_s)) for other in self._others]
-        people = [*(() if was_lost else (target.person,)), *(other.person for other in others)]
         alike = target.alike(looks)
-        rows = [person.alike(looks) for person in people]
-        if not was_lost:
-            rows[0] = alike
-        least = [_LEAST_ALIKE_OTHERS] * len(people)
-        least[: len(people) - len(others)] = [_LEAST_ALIKE] * (len(people) - len(others))
-        owner = assigned(
-            people, boxes.astype(np.float64), np.array(rows).reshape(len(people), len(boxes)), least
-        )
-        place = None if was_lost else owner.pop(0, None)
+        place, theirs = _places(None if was_lost else target, others, boxes, looks, alike)
         free = _standing_free(boxes)
+        new = [box for box in np.flatnonzero(free) if box != place and box not in theirs]
+        out_of_sight = self._target.person.unseen_s > 0
+        if (
+            place is not None
+            and out_of_sight
+            and _likelier_elsewhere(alike[place], others, alike[new], target)
+        ):
+            place = None
         if place is not None:
             target = _with_sight(
                 target, boxes[place], looks[place], float(alike[place]), free=bool(free[place])
             )
-        first = len(people) - len(others)
-        theirs = {box: row - first for row, box in owner.items()}
         beside = place is not None and bool(free[place])
         known: list[tuple[int, _Other]] = []
         for box in range(len(boxes)):
@@ -185,6 +182,26 @@ class TargetLock:
         return Locked(state, place, float(alike[place]))
 
 
+def _places(
+    target: _Target | None,
+    others: list[_Other],
+    boxes: Boxes,
+    looks: NDArray[np.float32],
+    alike: NDArray[np.float32],
+) -> tuple[int | None, dict[int, int]]:
+    """Return the target's box, None for a target that is None or unseen, and the others' as {box: place}.
+
+    `alike` is how alike each look is to the target's.
+    """
+    first = 0 if target is None else 1
+    people = [*(() if target is None else (target.person,)), *(other.person for other in others)]
+    rows = [*(() if target is None else (alike,)), *(person.alike(looks) for person in people[first:])]
+    least = [_LEAST_ALIKE] * first + [_LEAST_ALIKE_OTHERS] * len(others)
+    owner = assigned(people, boxes.astype(np.float64), np.array(rows).reshape(len(people), len(boxes)), least)
+    place = owner.pop(0, None) if first else None
+    return place, {box: row - first for row, box in owner.items()}
+
+
 def _standing_free(boxes: Boxes) -> NDArray[np.bool_]:
     """Tell of each box whether no other covers it."""
     covering = overlap(boxes, boxes)
@@ -210,13 +227,43 @@ def _compared(other: _Other, alike: float, target: _Target, *, beside: bool) -> 
     def smoothed(before: float | None, share: float) -> float:
         return alike if before is None else before + share * (alike - before)
 
-    agrees = target.lost and alike > target.usual - _DROP
+    agrees = target.lost and _agrees(alike, target)
     return replace(
         other,
         alike=smoothed(other.alike, _SMOOTHING),
         alike_beside=smoothed(other.alike_beside, _SMOOTHING_USUAL) if beside else other.alike_beside,
         agreed=other.agreed + 1 if agrees else 0,
     )
+
+
+def _likelier_elsewhere(
+    alike: float, others: list[_Other], new: NDArray[np.float32], target: _Target
+) -> bool:
+    """Tell whether the target, out of sight until now, is somebody else rather than who is in its place.
+
+    A target that went where it could not have gone (pictures are missing, the camera was knocked) stands
+    elsewhere as somebody new; whoever then comes to where it must be is not it, alike enough or not.
+
+    Args:
+        alike: how alike who is in its place is to the target.
+        others: everybody else who is known.
+        new: how alike each is who is seen for the first time and stands free.
+        target: as it is known.
+    """
+    claims = [
+        other.alike for other in others if other.alike is not None and _more_than_beside(other.alike, other)
+    ]
+    return any(_agrees(claim, target) and claim > alike + _MARGIN for claim in (*claims, *new))
+
+
+def _agrees(alike: float, target: _Target) -> bool:
+    """Tell whether somebody is as much alike to the target as it usually is itself."""
+    return alike > target.usual - _DROP
+
+
+def _more_than_beside(alike: float, other: _Other) -> bool:
+    """Tell whether they are more alike to the target than they were beside it, if they ever were."""
+    return other.alike_beside is None or alike > other.alike_beside + _MARGIN_BEFORE
 
 
 def _taken_back(known: list[tuple[int, _Other]], target: _Target, free: NDArray[np.bool_]) -> int | None:
@@ -237,9 +284,9 @@ def _taken_back(known: list[tuple[int, _Other]], target: _Target, free: NDArray[
     sure = (
         bool(free[box])
         and other.agreed >= _CONFIRM
-        and alike > target.usual - _DROP
+        and _agrees(alike, target)
         and alike - next_best > _MARGIN
-        and (other.alike_beside is None or alike > other.alike_beside + _MARGIN_BEFORE)
+        and _more_than_beside(alike, other)
         and _OTHER_SIZE < taller < 1 / _OTHER_SIZE
         and far < _REACH + _REACH_PER_S * target.person.unseen_s
     )

@@ -159,6 +159,21 @@ def test_who_comes_back_too_far_away_to_have_walked_there_is_not_taken_at_once()
     assert away_s < 3
 
 
+@pytest.mark.parametrize(
+    ("now", "stranger"), [(325, 200), (265, 235)], ids=["far away", "half behind the stranger"]
+)
+def test_who_comes_to_where_the_target_must_be_is_not_taken_while_it_stands_elsewhere(now, stranger):
+    """As when pictures are missing, or somebody knocks the camera: it is where nobody could have walked."""
+    walkers = [
+        Walker("red", lambda t_s: 200 if t_s < 2 else now),
+        Walker("red with green trousers", steady(stranger), here=lambda t_s: t_s >= 2.5),
+    ]
+    said = follow(walkers, 6)
+    assert set(followed(said)) == {0, None}
+    assert states(said)[round(2.5 * RATE_HZ)] is COASTING
+    assert states(said)[-1] is (TRACKED if now == 325 else LOST)  # who does not stand free is not taken back
+
+
 def test_a_camera_that_pans_40_px_a_picture_changes_nothing():
     def pan(t_s):  # there and back, five pictures each
         number = round(t_s * RATE_HZ) % 10
@@ -219,11 +234,20 @@ def crowds(draw, clothes=None):
     return walkers
 
 
+def true_middle(walker, sight, said):
+    return walker.x((sight.t_ns - said[0][0].t_ns) / 1e9)
+
+
 @settings(max_examples=60)
 @given(crowds(), st.randoms(use_true_random=False))
-def test_whoever_is_named_always_wears_the_targets_clothes(walkers, chance):
+def test_whoever_is_named_wears_the_targets_clothes_or_has_just_uncovered_them(walkers, chance):
+    """Somebody right behind a target that leaves the picture looks half like it while it covers them."""
     said = follow(walkers, 6, target=len(walkers) - 1, order=chance.shuffle)
-    assert {walkers[who].clothes for who in followed(said) if who is not None} <= {walkers[-1].clothes}
+    for (sight, answer), who in zip(said, followed(said), strict=True):
+        if who is not None and walkers[who].clothes != walkers[-1].clothes:
+            assert len(walkers) - 1 not in sight.who
+            left, _, right, _ = sight.boxes[answer.place]
+            assert abs((left + right) / 2 - true_middle(walkers[-1], sight, said)) <= WIDE
     lawful(said)
 
 
@@ -242,8 +266,8 @@ def test_while_a_fifth_of_people_are_missed_the_place_is_still_the_targets(walke
     for (sight, answer), who in zip(said, followed(said), strict=True):
         if who is not None:
             left, _, right, _ = sight.boxes[answer.place]
-            true = walkers[-1].x((sight.t_ns - said[0][0].t_ns) / 1e9)
-            assert who == len(walkers) - 1 or abs((left + right) / 2 - true) <= WIDE
+            apart = abs((left + right) / 2 - true_middle(walkers[-1], sight, said))
+            assert who == len(walkers) - 1 or apart <= WIDE
     lawful(said)
 
 
