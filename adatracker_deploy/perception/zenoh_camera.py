@@ -86,11 +86,9 @@ class CompressedImageCamera(LiveCamera):
             while not self._ending.is_set():
                 try:
                     sample = images.recv()
+                    picture = self._picture(sample, self.clock.now_ns())
                 except zenoh.ZError:  # `_interrupt` has closed the session
                     return
-                t_ns = self.clock.now_ns()
-                try:
-                    picture = self._picture(sample, t_ns)
                 except ValueError:
                     self.dropped += 1
                     continue

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import cv2
@@ -288,15 +289,14 @@ def test_a_camera_can_be_closed_while_it_opens(rehearsal):
         with contextlib.suppress(PlatformError):
             camera.open()
 
-    for delay_ms in range(0, 100, 5):
-        camera = ZenohCamera(profile, MonotonicClock())
-        opening = threading.Thread(target=open_and_be_closed, args=[camera])
-        opening.start()
-        camera.clock.sleep_until(camera.clock.now_ns() + delay_ms * 1_000_000)  # any moment will do
-        camera.close()
-        camera.close()
-        opening.join(6.0)
-        assert not opening.is_alive()
+    with ThreadPoolExecutor(1) as pool:
+        for delay_ms in range(0, 100, 5):
+            camera = ZenohCamera(profile, MonotonicClock())
+            opening = pool.submit(open_and_be_closed, camera)
+            camera.clock.sleep_until(camera.clock.now_ns() + delay_ms * 1_000_000)  # any moment will do
+            camera.close()
+            camera.close()
+            opening.result(6.0)
 
 
 @pytest.mark.slow
