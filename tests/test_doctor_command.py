@@ -108,7 +108,7 @@ def test_a_robot_that_is_not_there_refuses_with_a_sentence(doctor, tmp_path):
         (("--sitl",), "say which with --platform"),
         (("--profile", "scout"), "say which with --platform"),
         (("--platform", "tricycle"), "tricycle"),
-        (("--seconds", "0"), "--seconds 0 is out of range"),
+        (("--seconds", "0"), "--seconds: 0 is out of range [1, 3600]"),
         (("--camera", "missing.mp4"), "missing.mp4"),
         (("--policy", "missing"), "missing"),
         (("--segmenter", "magic"), "segmenter 'magic'"),

@@ -9,6 +9,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from adatracker_deploy.cli.ranges import real
 from adatracker_deploy.cli.seeing import add_segmenter_options
 from adatracker_deploy.errors import PlatformError, UsageError
 
@@ -40,7 +41,10 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     add_segmenter_options(parser, default="embedded")
     parser.add_argument("--log-dir", type=Path, default=Path("trials"), help="default: %(default)s")
     parser.add_argument(
-        "--seconds", type=float, default=10.0, help="how long the loop is timed, 1 to 3600 (default: 10)"
+        "--seconds",
+        type=real(1, 3600),
+        default=10.0,
+        help="how long the loop is timed, 1 to 3600 (default: 10)",
     )
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
     parser.set_defaults(run=run)
@@ -96,8 +100,6 @@ class _Examination:
 
         if args.platform is None and (args.sitl or args.profile):
             raise UsageError("--sitl and --profile are of a robot: say which with --platform")
-        if not 1 <= args.seconds <= 3600:
-            raise UsageError(f"--seconds {args.seconds:g} is out of range [1, 3600]")
         if args.camera:
             check_uri(args.camera)
         self._args = args

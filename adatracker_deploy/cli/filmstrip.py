@@ -6,6 +6,7 @@ import argparse
 import json
 from pathlib import Path
 
+from adatracker_deploy.cli.ranges import whole
 from adatracker_deploy.errors import UsageError
 
 
@@ -18,7 +19,9 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     )
     parser.add_argument("trial", metavar="TRIAL", type=Path, help="a trial's folder, or its trial.mcap")
     parser.add_argument("--out", metavar="PNG", type=Path, default=Path("filmstrip.png"), help="%(default)s")
-    parser.add_argument("--frames", metavar="N", type=int, default=8, help="how many (default: %(default)s)")
+    parser.add_argument(
+        "--frames", metavar="N", type=whole(1, 50), default=8, help="how many (default: %(default)s)"
+    )
     parser.add_argument("--json", action="store_true", help="one JSON object as the only line of stdout")
     parser.set_defaults(run=run)
 
@@ -34,8 +37,6 @@ def run(args: argparse.Namespace) -> int:
     from adatracker_deploy.trial.filmstrip import film_strip
     from adatracker_deploy.trial.reader import read_trial
 
-    if not 1 <= args.frames <= 50:
-        raise UsageError(f"--frames: {args.frames} is out of range [1, 50]")
     strip = film_strip(read_trial(args.trial), args.frames)
     _, png = cv2.imencode(".png", cv2.cvtColor(strip, cv2.COLOR_RGB2BGR))
     try:
