@@ -22,7 +22,7 @@ from adatracker_deploy.perception.sources import open_source
 from adatracker_deploy.perception.world_camera import WorldCamera
 from adatracker_deploy.platform import ZERO
 from adatracker_deploy.runtime.clock import MonotonicClock
-from adatracker_deploy.runtime.link import LinkStatus, Phase
+from adatracker_deploy.runtime.engagement import Engagement
 from adatracker_deploy.runtime.link_process import LinkProcess
 from adatracker_deploy.runtime.loop import Ending, Loop
 from adatracker_deploy.runtime.scheduling import ORDINARY, Scheduling, obtained
@@ -45,13 +45,7 @@ if TYPE_CHECKING:
     from adatracker_deploy.trial.privacy import Frames
     from adatracker_deploy.trial.record import StepRecord
 
-ENGAGE_TIMEOUT_S = 60.0
 FIRST_SIGHT_TIMEOUT_S = 10.0
-DISENGAGE_TIMEOUT_S = 60.0
-STANDSTILL_TIMEOUT_S = 5.0
-STANDSTILL_M_S = 0.25
-"""Slower than this counts as standing: just above the velocity noise of a small drone's estimator."""
-POLL_S = 0.02
 LOOK_HZ = 200.0
 """How often, in machine time, a camera that sends by itself is looked at: a frame waits 5 ms at most."""
 IMAGE_SIZE = (160, 160)
@@ -140,6 +134,7 @@ class _Trial:
         robot = DryRun if plan.dry_run else plan.platform
         self.awake = self.stack.enter_context(plan.scheduling.awake())
         self.link = self.stack.enter_context(LinkProcess(robot, profile, self.clock, plan.scheduling))
+        self.engagement = Engagement(self.link, self.clock, self._reached)
         camera = self._open_camera(profile)
         self.progress.phase("connecting")
         self._refuse_unready(self.link.connect())
@@ -233,7 +228,8 @@ class _Trial:
 
     def _engage_and_follow(self, camera: Camera, profile: Profile) -> Ending:
         plan = self.plan
-        self._engage()
+        self.progress.phase("engaging")
+        self.engagement.begin()
         rate_hz = profile.camera.rate_hz if self.drawn else LOOK_HZ * self.clock.speed
         plan.segmenter.reset()
         perception = self.stack.enter_context(Perception(camera, plan.segmenter, self.clock, rate_hz))
@@ -263,25 +259,10 @@ class _Trial:
         finally:
             gc.unfreeze()
 
-    def _engage(self) -> None:
-        self.progress.phase("engaging")
-        self.link.engage()
-        airborne = False
-        for status in self._statuses(ENGAGE_TIMEOUT_S):
-            if not airborne and not status.state.landed:
-                airborne = True
-                self.progress.phase(f"airborne {time.monotonic() - self.started_s:.1f} s after the start")
-            if status.phase is Phase.ACTIVE:
-                self.progress.phase(f"engaged {time.monotonic() - self.started_s:.1f} s after the start")
-                return
-            if status.phase is not Phase.ENGAGING and status.stopped:
-                raise PlatformError(status.stopped)
-        raise PlatformError(f"the robot was not engaged within {ENGAGE_TIMEOUT_S:g} s")
-
     def _await_first_sight(self, perception: Perception) -> None:
         """Wait, standing still, until the target is seen."""
         deadline_s = time.monotonic() + FIRST_SIGHT_TIMEOUT_S
-        for _ in self._statuses(math.inf):
+        for _ in self.engagement.statuses(math.inf):
             self.link.send(ZERO, self.clock.now_ns())
             try:
                 seen = perception.newest()
@@ -299,6 +280,9 @@ class _Trial:
         self.log.step(record, seen.frame, seen.observation)
         self._log_events()
         self.progress.step(record)
+
+    def _reached(self, what: str) -> None:
+        self.progress.phase(f"{what} {time.monotonic() - self.started_s:.1f} s after the start")
 
     def _tell(self, message: str) -> None:
         self.progress.phase(message)
@@ -322,11 +306,11 @@ class _Trial:
         self.log.event("info", f"{ending.outcome} {ending.reason}".strip(), self.clock.now_ns())
         stop_s = None
         try:
-            stop_s = self._stand_still(ending.outcome)
+            stop_s = self.engagement.stand_still(ending.outcome)
             if self.injection is not None:
                 self.injection.outlast()  # held, with everything in place: what is mended resumes nothing
             self.progress.phase("disengaging")
-            self._disengage(ending.outcome)
+            self.engagement.end(ending.outcome)
         except PlatformError as error:
             self.progress.phase(f"warning: {error}")
             self.log.event("error", str(error), self.clock.now_ns())
@@ -348,42 +332,6 @@ class _Trial:
         if self.log.trouble:
             self.progress.phase(f"warning: the log is not whole: {self.log.trouble}")
         return summary
-
-    def _stand_still(self, reason: str) -> float | None:
-        """Hold; return the seconds of the run's clock until the robot stood, None if it was not moving."""
-        self.link.hold(reason)
-        began_ns = self.clock.now_ns()
-        for status in self._statuses(STANDSTILL_TIMEOUT_S):
-            if status.phase in (Phase.DISENGAGING, Phase.DONE, Phase.IDLE):
-                return None
-            velocity = status.state.velocity
-            if status.phase is Phase.HOLDING and velocity is not None:
-                speed = math.hypot(velocity.vx, velocity.vy, velocity.vz)
-                if speed < STANDSTILL_M_S:
-                    return (self.clock.now_ns() - began_ns) / 1e9
-        raise PlatformError(f"the robot did not stand still within {STANDSTILL_TIMEOUT_S:g} s of the stop")
-
-    def _disengage(self, reason: str) -> None:
-        self.link.disengage(reason)
-        for status in self._statuses(DISENGAGE_TIMEOUT_S):
-            if status.phase is Phase.DONE:
-                return
-        raise PlatformError(f"the robot did not disengage within {DISENGAGE_TIMEOUT_S:g} s")
-
-    def _statuses(self, timeout_s: float) -> Iterator[LinkStatus]:
-        """Give the link's newest status again and again for `timeout_s` of the run's clock.
-
-        Raises:
-            PlatformError: the link process died.
-        """
-        began_ns = self.clock.now_ns()
-        while (self.clock.now_ns() - began_ns) / 1e9 < timeout_s:
-            if not self.link.alive():
-                raise PlatformError("the link process died; the robot's own time-out stops it")
-            status = self.link.status()
-            if status is not None:
-                yield status
-            time.sleep(POLL_S / self.clock.speed)
 
     def _config(self, profile: Profile) -> dict[str, Any]:
         """What the log says of the run itself."""

@@ -1,0 +1,103 @@
+"""What a trial asks of its link besides velocities, and waits for: to engage, to stand, to let go."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import TYPE_CHECKING
+
+from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.runtime.link import Phase
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from adatracker_deploy.runtime.clock import MonotonicClock
+    from adatracker_deploy.runtime.link import LinkStatus
+    from adatracker_deploy.runtime.link_process import LinkProcess
+
+ENGAGE_TIMEOUT_S = 60.0
+DISENGAGE_TIMEOUT_S = 60.0
+STANDSTILL_TIMEOUT_S = 5.0
+STANDSTILL_M_S = 0.25
+"""Slower than this counts as standing: just above the velocity noise of a small drone's estimator."""
+POLL_S = 0.02
+
+
+class Engagement:
+    """A robot's way into a trial and out of it; every time-out is of the run's clock.
+
+    Args:
+        link: connected.
+        clock: the run's.
+        tell: who is told what has been reached.
+    """
+
+    def __init__(self, link: LinkProcess, clock: MonotonicClock, tell: Callable[[str], None]) -> None:
+        self._link = link
+        self._clock = clock
+        self._tell = tell
+
+    def begin(self) -> None:
+        """Engage, and wait until the robot does what the gate lets through.
+
+        Raises:
+            PlatformError: it stopped on the way, or was not engaged within `ENGAGE_TIMEOUT_S`.
+        """
+        self._link.engage()
+        airborne = False
+        for status in self.statuses(ENGAGE_TIMEOUT_S):
+            if not airborne and not status.state.landed:
+                airborne = True
+                self._tell("airborne")
+            if status.phase is Phase.ACTIVE:
+                self._tell("engaged")
+                return
+            if status.phase is not Phase.ENGAGING and status.stopped:
+                raise PlatformError(status.stopped)
+        raise PlatformError(f"the robot was not engaged within {ENGAGE_TIMEOUT_S:g} s")
+
+    def stand_still(self, reason: str) -> float | None:
+        """Hold; return the seconds of the run's clock until the robot stood, None if it was not moving.
+
+        Raises:
+            PlatformError: it still moved after `STANDSTILL_TIMEOUT_S`.
+        """
+        self._link.hold(reason)
+        began_ns = self._clock.now_ns()
+        for status in self.statuses(STANDSTILL_TIMEOUT_S):
+            if status.phase in (Phase.DISENGAGING, Phase.DONE, Phase.IDLE):
+                return None
+            velocity = status.state.velocity
+            if status.phase is Phase.HOLDING and velocity is not None:
+                speed = math.hypot(velocity.vx, velocity.vy, velocity.vz)
+                if speed < STANDSTILL_M_S:
+                    return (self._clock.now_ns() - began_ns) / 1e9
+        raise PlatformError(f"the robot did not stand still within {STANDSTILL_TIMEOUT_S:g} s of the stop")
+
+    def end(self, reason: str) -> None:
+        """Disengage, and wait until that is done.
+
+        Raises:
+            PlatformError: it was not within `DISENGAGE_TIMEOUT_S`.
+        """
+        self._link.disengage(reason)
+        for status in self.statuses(DISENGAGE_TIMEOUT_S):
+            if status.phase is Phase.DONE:
+                return
+        raise PlatformError(f"the robot did not disengage within {DISENGAGE_TIMEOUT_S:g} s")
+
+    def statuses(self, timeout_s: float) -> Iterator[LinkStatus]:
+        """Give the link's newest status again and again for `timeout_s`.
+
+        Raises:
+            PlatformError: the link process died.
+        """
+        began_ns = self._clock.now_ns()
+        while (self._clock.now_ns() - began_ns) / 1e9 < timeout_s:
+            if not self._link.alive():
+                raise PlatformError("the link process died; the robot's own time-out stops it")
+            status = self._link.status()
+            if status is not None:
+                yield status
+            time.sleep(POLL_S / self._clock.speed)
