@@ -11,6 +11,7 @@ from __future__ import annotations
 import atexit
 import functools
 import gc
+import os
 import time
 from pathlib import Path
 
@@ -20,7 +21,9 @@ from _pytest.runner import runtestprotocol
 
 from .witness import Witness
 
-hypothesis.settings.register_profile("busy", deadline=None)  # the machine is shared: time is no verdict
+IN_CI = bool(os.environ.get("CI"))
+"""There the same examples are drawn each time, so that a change is judged by what it changes."""
+hypothesis.settings.register_profile("busy", deadline=None, derandomize=IN_CI)  # busy: time is no verdict
 hypothesis.settings.register_profile("brief", deadline=None, max_examples=20, derandomize=True, database=None)
 hypothesis.settings.load_profile("busy")
 
