@@ -142,14 +142,9 @@ class TargetLock:
         alike = target.alike(looks)
         place, theirs = _places(None if was_lost else target, others, boxes, looks, alike)
         free = _standing_free(boxes)
-        new = [box for box in np.flatnonzero(free) if box != place and box not in theirs]
-        out_of_sight = self._target.person.unseen_s > 0
-        if (
-            place is not None
-            and out_of_sight
-            and _likelier_elsewhere(alike[place], others, alike[new], target)
-        ):
-            place = None
+        if place is not None:
+            likeliest = _likeliest_other(place, alike, free, theirs, others)
+            place = None if _is_elsewhere(target, float(alike[place]), likeliest) else place
         if place is not None:
             target = _with_sight(
                 target, boxes[place], looks[place], float(alike[place]), free=bool(free[place])
@@ -236,24 +231,36 @@ def _compared(other: _Other, alike: float, target: _Target, *, beside: bool) -> 
     )
 
 
-def _likelier_elsewhere(
-    alike: float, others: list[_Other], new: NDArray[np.float32], target: _Target
-) -> bool:
-    """Tell whether the target, out of sight until now, is somebody else rather than who is in its place.
+def _likeliest_other(
+    place: int,
+    alike: NDArray[np.float32],
+    free: NDArray[np.bool_],
+    theirs: dict[int, int],
+    others: list[_Other],
+) -> float:
+    """Return how alike to the target somebody else is at most, now or of late; 0 if there is nobody.
+
+    Who is not seen to stand free counts as remembered, who was as alike beside the target not at all.
+    """
+    now = [
+        (float(alike[box]), others[theirs[box]] if box in theirs else None)
+        for box in np.flatnonzero(free).tolist()
+        if box != place
+    ]
+    of_late = [(other.alike, other) for other in others if other.alike is not None]
+    return max(
+        (alike for alike, other in (*now, *of_late) if other is None or _more_than_beside(alike, other)),
+        default=0.0,
+    )
+
+
+def _is_elsewhere(target: _Target, here: float, likeliest: float) -> bool:
+    """Tell whether the target is somebody else rather than who is in its place, `here` alike to it.
 
     A target that went where it could not have gone (pictures are missing, the camera was knocked) stands
-    elsewhere as somebody new; whoever then comes to where it must be is not it, alike enough or not.
-
-    Args:
-        alike: how alike who is in its place is to the target.
-        others: everybody else who is known.
-        new: how alike each is who is seen for the first time and stands free.
-        target: as it is known.
+    elsewhere as somebody new; whoever is where it must be is not it then, alike enough or not.
     """
-    claims = [
-        other.alike for other in others if other.alike is not None and _more_than_beside(other.alike, other)
-    ]
-    return any(_agrees(claim, target) and claim > alike + _MARGIN for claim in (*claims, *new))
+    return not _agrees(here, target) and _agrees(likeliest, target) and likeliest > here + _MARGIN
 
 
 def _agrees(alike: float, target: _Target) -> bool:

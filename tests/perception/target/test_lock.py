@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import random
 
 import numpy as np
@@ -174,6 +175,17 @@ def test_who_comes_to_where_the_target_must_be_is_not_taken_while_it_stands_else
     assert states(said)[-1] is (TRACKED if now == 325 else LOST)  # who does not stand free is not taken back
 
 
+@pytest.mark.parametrize("jump", [36, 90])
+def test_whom_a_target_that_jumps_uncovers_is_not_taken_for_it(jump):
+    walkers = [
+        Walker("red with green trousers", steady(200)),
+        Walker("red", lambda t_s: 200 if t_s < 1 else 200 - jump),
+    ]
+    said = follow(walkers, 5, target=1)
+    assert set(followed(said)) == {1, None}
+    assert states(said)[-1] is TRACKED
+
+
 def test_a_camera_that_pans_40_px_a_picture_changes_nothing():
     def pan(t_s):  # there and back, five pictures each
         number = round(t_s * RATE_HZ) % 10
@@ -215,11 +227,8 @@ RUNNING_PX_S = 240
 
 
 @st.composite
-def crowds(draw, clothes=None):
-    """Two to four people who wander, cross, leave and come back; the last is nearest: in sight at first.
-
-    They go towards where they want to be as fast as people can.
-    """
+def crowds(draw, clothes=None, fastest_px_s=math.inf):
+    """Two to four people who wander, cross, leave and come back; the last is nearest: in sight at first."""
     names = draw(
         st.permutations(list(CLOTHES)) if clothes is None else st.lists(clothes, min_size=4, max_size=4)
     )
@@ -228,7 +237,7 @@ def crowds(draw, clothes=None):
         times = [0.0, *sorted(draw(st.lists(st.floats(0.1, 6), min_size=1, max_size=4, unique=True)))]
         places = [draw(st.integers(30, 450))]
         for before_s, then_s in itertools.pairwise(times):
-            reach = RUNNING_PX_S * (then_s - before_s)
+            reach = fastest_px_s * (then_s - before_s)
             wanted = draw(st.integers(-40, 520))
             places.append(min(max(wanted, places[-1] - reach), places[-1] + reach))
         gone_s = draw(st.floats(0.2, 6))
@@ -249,9 +258,19 @@ def true_middle(walker, sight, said):
 
 
 @settings(max_examples=60)
+@given(crowds(fastest_px_s=RUNNING_PX_S), st.randoms(use_true_random=False))
+def test_whoever_is_named_always_wears_the_targets_clothes(walkers, chance):
+    said = follow(walkers, 6, target=len(walkers) - 1, order=chance.shuffle)
+    assert {walkers[who].clothes for who in followed(said) if who is not None} <= {walkers[-1].clothes}
+    lawful(said)
+
+
+@settings(max_examples=60)
 @given(crowds(), st.randoms(use_true_random=False))
-def test_whoever_is_named_wears_the_targets_clothes_or_has_just_uncovered_them(walkers, chance):
-    """Somebody right behind a target that leaves the picture looks half like it while it covers them."""
+def test_where_people_jump_only_who_was_right_behind_the_target_is_named_and_only_while_it_is_not_seen(
+    walkers, chance
+):
+    """Who is uncovered in the picture in which the target jumps out of it looks half like it."""
     said = follow(walkers, 6, target=len(walkers) - 1, order=chance.shuffle)
     for (sight, answer), who in zip(said, followed(said), strict=True):
         if who is not None and walkers[who].clothes != walkers[-1].clothes:
