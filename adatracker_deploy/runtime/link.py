@@ -95,8 +95,7 @@ class Link:
         limits: the profile's, in the run's clock.
         clock: the run's.
         newest: returns the newest set-point, or None.
-        spawn: runs a blocking manoeuvre; a thread by default, inline in lock-step runs. What stops a robot must
-            not have to start a thread first, so the threads are there from the beginning.
+        spawn: runs a blocking manoeuvre; in a waiting thread by default, inline in lock-step runs.
     """
 
     def __init__(
@@ -201,7 +200,7 @@ class Link:
             self.status = replace(self.status, sent=sent, reasons=verdict.reasons, acted=acted)
 
     def _watch_machine(self) -> None:
-        """Stop when the machine was suspended: what its clocks call fresh is old, and so is what it has seen."""
+        """Stop when the machine was suspended: what its clocks call fresh is old, seen or commanded."""
         asleep_s = (self._clock.suspended_ns() - self._suspended_ns) / 1e9
         if asleep_s > SUSPENDED_S:
             self._halt(Stop(Reason.SUSPENDED, f"suspended: the machine slept for {asleep_s:.1f} s"))
@@ -268,7 +267,7 @@ class Link:
         self._try("hold", lambda: self._platform.hold(reason))
 
     def _disengage(self) -> None:
-        """Disengage, and once more where engaging had not ended before: an engage that begins undoes a stop."""
+        """Disengage, again if engaging had not ended before: an engage that begins undoes a stop."""
         settled = False
         while not settled:
             settled = self._engaging_over.is_set()
@@ -293,7 +292,7 @@ class Link:
 
 
 class StandbyThreads:
-    """Threads that wait for something to do: a machine that is out of memory cannot start one to stop a robot.
+    """Threads that wait for jobs: out of memory, a machine cannot start one to stop a robot.
 
     Args:
         count: as many jobs as can be under way at once.

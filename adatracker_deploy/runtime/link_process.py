@@ -260,6 +260,7 @@ def _serve(link: Link, pacer: Pacer, pipe: Connection, outbox: Mailbox, terminat
         outbox.write(pack_status(status))
         for event in link.drain_events():
             _tell(pipe, "event", event)
+    outbox.write(pack_status(link.status))  # it may have come to its end since the last step
     for event in link.drain_events():
         _tell(pipe, "event", event)
 
