@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import gc
 import math
-import signal
 import time
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
@@ -25,13 +24,13 @@ from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_deploy.runtime.engagement import Engagement
 from adatracker_deploy.runtime.link_process import LinkProcess
 from adatracker_deploy.runtime.loop import Ending, Loop
+from adatracker_deploy.runtime.operator_stop import StopRequest
 from adatracker_deploy.runtime.scheduling import ORDINARY, Scheduling, obtained
 from adatracker_deploy.trial.live_port import app_url, websocket_url
 from adatracker_deploy.trial.log import TrialLog
 from adatracker_deploy.trial.tally import Tally
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from pathlib import Path
 
     from adatracker_deploy.faults.injection import Injection
@@ -87,33 +86,45 @@ class Progress(Protocol):
     def phase(self, text: str) -> None:
         """Something begins."""
 
+    def logging(self, folder: Path) -> None:
+        """The trial's log is in this folder."""
+
     def step(self, record: StepRecord) -> None:
         """A tick is done."""
 
 
-def run_trial(plan: TrialPlan, progress: Progress, started_s: float) -> dict[str, Any]:
+def run_trial(
+    plan: TrialPlan, progress: Progress, started_s: float, stop: StopRequest | None = None
+) -> dict[str, Any]:
     """Run one trial and return its summary, which is also written to the trial's folder.
 
     Args:
         plan: what to run.
         progress: who is told.
         started_s: `time.monotonic` when all this began; only for what is printed.
+        stop: remembers who asks to stop while the trial ends.
 
     Raises:
         UsageError: a port is taken, a folder cannot be written, an extra is missing; nothing has moved.
         PlatformError: the robot does not answer or is not ready; nothing has moved.
     """
     with contextlib.ExitStack() as stack:
-        return _Trial(plan, progress, started_s, stack).run()
+        return _Trial(plan, progress, started_s, stop or StopRequest(), stack).run()
 
 
 class _Trial:
     def __init__(
-        self, plan: TrialPlan, progress: Progress, started_s: float, stack: contextlib.ExitStack
+        self,
+        plan: TrialPlan,
+        progress: Progress,
+        started_s: float,
+        stop: StopRequest,
+        stack: contextlib.ExitStack,
     ) -> None:
         self.plan = plan
         self.progress = progress
         self.started_s = started_s
+        self.stop = stop
         self.stack = stack
         self.clock = MonotonicClock(speed=plan.speed)
         self.tally = Tally()
@@ -151,6 +162,7 @@ class _Trial:
         )
         if plan.live_port is not None:
             self.progress.phase(f"live view: {websocket_url(plan.live_port)}, or {app_url(plan.live_port)}")
+        self.progress.logging(self.log.folder)
         if self.log.trouble:
             raise PlatformError(f"the trial cannot be logged: {self.log.trouble}")
         if self.injection is not None:
@@ -165,7 +177,7 @@ class _Trial:
             ending = Ending("completed" if plan.dry_run else "system_fault", str(error))
         except PlatformError as error:
             ending = Ending("system_fault", str(error))
-        with _uninterrupted():
+        with self.stop.finishing():
             return self._finish(ending)
 
     def _injected(self, far_end: Sitl) -> TrialPlan:
@@ -350,16 +362,3 @@ class _Trial:
             "realtime": plan.scheduling.realtime,
             "cpus": sorted(plan.scheduling.cpus),
         }
-
-
-@contextlib.contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """Let the robot come to rest and the log be closed: another Ctrl-C changes nothing."""
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    for number in handlers:
-        signal.signal(number, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        for number, handler in handlers.items():
-            signal.signal(number, handler)

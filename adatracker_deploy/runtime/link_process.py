@@ -24,6 +24,7 @@ from adatracker_deploy.runtime.gate import Setpoint
 from adatracker_deploy.runtime.link import RATE_HZ, Event, Link, LinkStatus, Phase
 from adatracker_deploy.runtime.mailbox import Mailbox
 from adatracker_deploy.runtime.pacer import Pacer
+from adatracker_deploy.runtime.pulse import LINK_LOST, Pulse
 from adatracker_deploy.runtime.scheduling import LINK_PRIORITY, ORDINARY, Scheduling
 from adatracker_deploy.runtime.wire import (
     SETPOINT_BYTES,
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
     from adatracker_deploy.runtime.clock import Clock
 
 CONNECT_TIMEOUT_S = 40.0
+_JOIN_S = 0.05
 GONE = "tracker_gone"
 PROCESS_NAME = "adatracker-link"
 
@@ -68,6 +70,8 @@ class LinkProcess:
         self._statuses = Mailbox(statuses, STATUS_BYTES)
         self._pipe, far_end = context.Pipe()
         self._events: list[Event] = []
+        self._connected = False
+        self._pulse = Pulse()
         self._process = context.Process(
             target=_main,
             args=(platform, profile, clock, scheduling, setpoints, statuses, far_end),
@@ -96,6 +100,7 @@ class LinkProcess:
                 continue
             kind, value = message
             if kind == "connected":
+                self._connected = True
                 return tuple(value)
             if kind == "usage_error":
                 raise UsageError(value)
@@ -127,8 +132,10 @@ class LinkProcess:
         return None if message is None else unpack_status(message)
 
     def alive(self) -> bool:
-        """Tell whether the link process still runs."""
-        return self._process.is_alive()
+        """Tell whether the link process runs and goes on to say what it does; to be asked again and again."""
+        status = self.status()
+        self._pulse = self._pulse.look(status.t_ns if status else None, time.monotonic())
+        return self._process.is_alive() and self._pulse.beats
 
     def drain_events(self) -> list[Event]:
         """Return what the link noted since the last call."""
@@ -139,13 +146,26 @@ class LinkProcess:
         return events
 
     def close(self, timeout_s: float = 60.0) -> None:
-        """Disengage if need be, end the process and wait for it; may be called twice."""
+        """Disengage if need be, end the process and wait for it; may be called twice.
+
+        One that has not connected has engaged nothing: it ends at once. One that hangs is killed, lest it
+        wake up later and disturb what the robot does by itself.
+        """
         self._ask("close", "closed")
-        self._process.join(timeout_s)
-        if self._process.is_alive():
+        if not self._connected:
             self._process.terminate()
+        deadline_s = time.monotonic() + timeout_s
+        while self._process.is_alive() and time.monotonic() < deadline_s and (self._at_end() or self.alive()):
+            self._process.join(_JOIN_S)
+        if self._process.is_alive():
+            self._process.kill()
             self._process.join()
         self._pipe.close()
+
+    def _at_end(self) -> bool:
+        """Tell whether it has done what it was for, and only lets go of the wire."""
+        status = self.status()
+        return status is not None and status.phase is Phase.DONE
 
     def __enter__(self) -> Self:
         return self
@@ -165,7 +185,7 @@ class LinkProcess:
                 return None
             kind, value = self._pipe.recv()
         except (OSError, EOFError) as error:
-            raise PlatformError("the link process died; the robot's own time-out stops it") from error
+            raise PlatformError(LINK_LOST) from error
         if kind == "event":
             self._events.append(value)
         return kind, value
