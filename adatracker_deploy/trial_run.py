@@ -11,6 +11,7 @@ import gc
 import math
 import time
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from adatracker_deploy.dry_run import DryRun
@@ -20,6 +21,7 @@ from adatracker_deploy.perception.pipeline import Perception, Seen, refuse_hung
 from adatracker_deploy.perception.sources import open_source
 from adatracker_deploy.perception.world_camera import WorldCamera
 from adatracker_deploy.platform import ZERO
+from adatracker_deploy.runtime.black_box import FILE_NAME
 from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_deploy.runtime.engagement import Engagement
 from adatracker_deploy.runtime.link_process import LinkProcess
@@ -28,11 +30,10 @@ from adatracker_deploy.runtime.operator_stop import StopRequest
 from adatracker_deploy.runtime.scheduling import ORDINARY, Scheduling, obtained
 from adatracker_deploy.trial.live_port import app_url, websocket_url
 from adatracker_deploy.trial.log import TrialLog
+from adatracker_deploy.trial.record import RESULTS
 from adatracker_deploy.trial.tally import Tally
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from adatracker_deploy.faults.injection import Injection
     from adatracker_deploy.faults.schedule import Strike
     from adatracker_deploy.geometry import Pose
@@ -109,7 +110,10 @@ def run_trial(
         PlatformError: the robot does not answer or is not ready; nothing has moved.
     """
     with contextlib.ExitStack() as stack:
-        return _Trial(plan, progress, started_s, stop or StopRequest(), stack).run()
+        summary = _Trial(plan, progress, started_s, stop or StopRequest(), stack).run()
+    if summary["outcome"] in RESULTS:  # of what was stopped or failed every trace is kept
+        (Path(summary["trial"]) / FILE_NAME).unlink(missing_ok=True)
+    return summary
 
 
 class _Trial:
@@ -163,6 +167,7 @@ class _Trial:
         if plan.live_port is not None:
             self.progress.phase(f"live view: {websocket_url(plan.live_port)}, or {app_url(plan.live_port)}")
         self.progress.logging(self.log.folder)
+        self.link.record(self.log.folder / FILE_NAME)
         if self.log.trouble:
             raise PlatformError(f"the trial cannot be logged: {self.log.trouble}")
         if self.injection is not None:

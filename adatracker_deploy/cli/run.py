@@ -17,6 +17,7 @@ from adatracker_deploy.cli.seeing import add_segmenter_options
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.policy.catalogue import DEFAULT
 from adatracker_deploy.trial.live_port import DEFAULT_PORT, choose_port
+from adatracker_deploy.trial.record import RESULTS
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -29,9 +30,6 @@ if TYPE_CHECKING:
     from adatracker_deploy.runtime.running import Announcement
     from adatracker_deploy.runtime.scheduling import Scheduling
     from adatracker_deploy.trial_run import TrialPlan
-
-RESULTS = ("completed", "lost", "wrong_person", "collision")
-"""Outcomes that are results of a trial, not failures of the run."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from adatracker_deploy.errors import PlatformError, UsageError
 from adatracker_deploy.platform import Check, Limits, Platform, Twist
+from adatracker_deploy.runtime.black_box import BlackBox
 from adatracker_deploy.runtime.gate import Setpoint
 from adatracker_deploy.runtime.link import RATE_HZ, Event, Link, LinkStatus, Phase
 from adatracker_deploy.runtime.mailbox import Mailbox
@@ -125,6 +126,10 @@ class LinkProcess:
     def disengage(self, reason: str) -> None:
         """Ask for disengaging; `status().phase` tells when it is done."""
         self._ask("disengage", reason)
+
+    def record(self, path: Path) -> None:
+        """Ask for a black box at `path`, a file that is not there yet."""
+        self._ask("record", str(path))
 
     def status(self) -> LinkStatus | None:
         """Return what the link did last, or None before its first step."""
@@ -239,7 +244,7 @@ def _main(  # noqa: PLR0917 -- what a new process is given comes by position
     outbox.write(pack_status(link.status))
     _tell(pipe, "connected", checks)
     try:
-        _serve(link, Pacer(clock, RATE_HZ), pipe, outbox, terminated)
+        _serve(link, Pacer(clock, RATE_HZ), pipe, inbox=inbox, outbox=outbox, terminated=terminated)
     finally:
         platform.close()
 
@@ -256,15 +261,36 @@ def wall_timeouts(limits: Limits, speed: float) -> Limits:
     )
 
 
-def _serve(link: Link, pacer: Pacer, pipe: Connection, outbox: Mailbox, terminated: threading.Event) -> None:
+def _serve(
+    link: Link,
+    pacer: Pacer,
+    pipe: Connection,
+    *,
+    inbox: Mailbox,
+    outbox: Mailbox,
+    terminated: threading.Event,
+) -> None:
     """Step the link until it is closed and the robot has come to rest."""
     closing = False
+    box: BlackBox | None = None
+
+    def tell(status: LinkStatus) -> None:
+        packed = pack_status(status)
+        outbox.write(packed)
+        if box is not None:
+            box.record(inbox.read(), packed)
+        for event in link.drain_events():
+            _tell(pipe, "event", event)
+
     while not (closing and link.status.phase is Phase.DONE):
         tick = pacer.wait()
         try:
             while not closing and pipe.poll():
-                request, reason = pipe.recv()
-                closing = _obey(link, request, reason)
+                request, words = pipe.recv()
+                if request == "record":
+                    box = _black_box(words, link)
+                else:
+                    closing = _obey(link, request, words)
         except (OSError, EOFError):
             closing = True
             link.disengage(GONE)
@@ -277,12 +303,18 @@ def _serve(link: Link, pacer: Pacer, pipe: Connection, outbox: Mailbox, terminat
             link.note("error", f"link: {type(error).__name__}: {error}")
             link.disengage("link_fault")
             status = link.status
-        outbox.write(pack_status(status))
-        for event in link.drain_events():
-            _tell(pipe, "event", event)
-    outbox.write(pack_status(link.status))  # it may have come to its end since the last step
-    for event in link.drain_events():
-        _tell(pipe, "event", event)
+        tell(status)
+    tell(link.status)  # it may have come to its end since the last step
+    if box is not None:
+        box.close()
+
+
+def _black_box(path: str, link: Link) -> BlackBox | None:
+    try:
+        return BlackBox(Path(path))
+    except OSError as error:
+        link.note("warning", f"no black box: {path} cannot be written ({error.strerror})")
+        return None
 
 
 def _obey(link: Link, request: str, reason: str) -> bool:
