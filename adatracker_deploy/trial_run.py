@@ -28,6 +28,7 @@ from adatracker_deploy.runtime.link_process import LinkProcess
 from adatracker_deploy.runtime.loop import Ending, Loop
 from adatracker_deploy.runtime.operator_stop import StopRequest
 from adatracker_deploy.runtime.scheduling import ORDINARY, Scheduling, obtained
+from adatracker_deploy.runtime.sleep_inhibitor import inhibited
 from adatracker_deploy.trial.live_port import app_url, websocket_url
 from adatracker_deploy.trial.log import TrialLog
 from adatracker_deploy.trial.record import RESULTS
@@ -148,6 +149,8 @@ class _Trial:
                 plan = self._injected(far_end)
         robot = DryRun if plan.dry_run else plan.platform
         self.awake = self.stack.enter_context(plan.scheduling.awake())
+        moves = not (plan.sitl or plan.dry_run)
+        no_sleep = self.stack.enter_context(inhibited("a robot is driven")) if moves else ""
         self.link = self.stack.enter_context(LinkProcess(robot, profile, self.clock, plan.scheduling))
         self.engagement = Engagement(self.link, self.clock, self._reached)
         camera = self._open_camera(profile)
@@ -172,6 +175,10 @@ class _Trial:
             raise PlatformError(f"the trial cannot be logged: {self.log.trouble}")
         if self.injection is not None:
             self.injection.attend(self.log, self.link)
+        if moves:
+            self._tell(
+                f"this machine {f'cannot go to sleep ({no_sleep})' if no_sleep else 'may go to sleep'}"
+            )
         for name in profile.limits.switched_off:
             self._warn(f"the gate goes without {name}: profile {profile.name} has it in limits: switched_off")
         try:
