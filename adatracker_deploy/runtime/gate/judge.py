@@ -77,7 +77,7 @@ def _heard(limits: Limits, state: GateState, robot: PlatformState, now_ns: int) 
 def _too_old(limits: Limits, setpoint: Setpoint, age_s: float, now_ns: int) -> Reason | None:
     """Say what is too old to be obeyed: the command, or what was seen when it was made.
 
-    Both times are of one machine's clock: what was seen in the future has a wrong time, and may be of any age.
+    Both times are of one machine's clock: what was seen in the future has a wrong time, and may be older.
     """
     if age_s > limits.command_timeout_s:
         return Reason.STALE
