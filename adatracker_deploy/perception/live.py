@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
     from adatracker_deploy.runtime.clock import Clock
 
+NO_STAMPS = "sends no time stamps: pictures that the network holds back look new"
+"""What is said of a camera that hides delay."""
 _JOIN_TIMEOUT_S = 2.0
 """A driver that hangs cannot be interrupted; its thread is left behind."""
 

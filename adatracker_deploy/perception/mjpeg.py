@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 _RECEIVE_BYTES = 1 << 18
 _GO_TIMEOUT_S = 2.0
-_TIMESTAMP = re.compile(r"(\d{1,12})(?:\.(\d{1,9}))?")
+_TIMESTAMP = re.compile(r"([0-9]{1,12})(?:\.([0-9]{1,9}))?")
 """Seconds, as mjpg-streamer, ROS web_video_server and ESP32 cameras write them into ``X-Timestamp``."""
 
 

@@ -1,8 +1,8 @@
 """How much longer than usual a picture was on its way: what a network or a queue has added. Pure.
 
 The sender's clock and ours differ by what nobody knows, so arrival minus stamp says nothing by itself. Its
-growth over the least that was seen does: two clocks hardly drift apart, and no picture is quicker than its way
-allows. A delay that is there from the first picture on is not seen.
+growth over the least that was seen does: two clocks hardly drift apart, and no picture outruns its way. A
+delay that is there from the first picture on is not seen.
 """
 
 from __future__ import annotations

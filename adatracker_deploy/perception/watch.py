@@ -78,8 +78,8 @@ class FrameWatch:
         late_s = (self._arrived_ns - self._last.t_ns) / 1e9 / self._speed
         if late_s > SILENT_AFTER_S:
             raise PlatformError(
-                f"camera {self._name}: by its time stamps its pictures come {late_s:.1f} s late: the network or "
-                "a queue holds them back, or its clock is wrong"
+                f"camera {self._name}: by its time stamps its pictures come {late_s:.1f} s late: the network "
+                "or a queue holds them back, or its clock is wrong"
             )
         if self._unchanged_s > FROZEN_AFTER_S:
             raise PlatformError(
