@@ -10,8 +10,6 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
-import cv2
-import numpy as np
 import yaml
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.Log_pb2 import Log
@@ -21,6 +19,7 @@ from mcap.records import Footer, Metadata
 from mcap.writer import MCAP0_MAGIC
 
 from adatracker_deploy.errors import UsageError
+from adatracker_deploy.perception.jpeg import decode_jpeg
 from adatracker_deploy.trial.folder import FILE_NAME, PART_NAME
 from adatracker_deploy.trial.marks import Mark, read_marks
 from adatracker_deploy.trial.mask_png import decode_mask
@@ -30,6 +29,7 @@ from adatracker_deploy.trial.step_json import STEP_FORMAT, scored_step_from_json
 if TYPE_CHECKING:
     from collections.abc import Callable, Container, Iterator
 
+    import numpy as np
     from numpy.typing import NDArray
 
     from adatracker_deploy.messages import ClassMask
@@ -131,7 +131,7 @@ class Trial(TrialAbout):
             if topic == "/camera":  # its mask is the next record
                 jpeg = record.data
                 continue
-            with contextlib.suppress(DecodeError, ValueError, cv2.error):
+            with contextlib.suppress(DecodeError, ValueError):
                 yield _frame(record.sequence, jpeg, record.data)
 
     def ticks_with_frames(self) -> Iterator[tuple[StepRecord, LoggedFrame]]:
@@ -237,7 +237,7 @@ def _read(path: Path, decode: Callable[[bytes], StepT]) -> tuple[dict[str, Any],
             "frame_seqs": frozenset(frame_seqs),
             "marks": read_marks(file),
         }
-    except (KeyError, TypeError, ValueError, DecodeError, yaml.YAMLError) as error:
+    except (KeyError, TypeError, ValueError, RecursionError, DecodeError, yaml.YAMLError) as error:
         raise UsageError(f"{file}: not a trial of this toolkit ({_one_line(error)})") from error
     return about, tuple(sorted(steps, key=lambda step: step.step))
 
@@ -300,9 +300,7 @@ def _records(path: Path, wanted: Callable[[str, int], bool]) -> Iterator[tuple[s
 def _frame(seq: int, camera: bytes, mask: bytes) -> LoggedFrame:
     """Decode a frame from its two messages."""
     jpeg = CompressedImage.FromString(camera).data
-    picture = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
-    rgb = cv2.cvtColor(picture, cv2.COLOR_BGR2RGB)
-    return LoggedFrame(seq, rgb, decode_mask(CompressedImage.FromString(mask).data), jpeg)
+    return LoggedFrame(seq, decode_jpeg(jpeg), decode_mask(CompressedImage.FromString(mask).data), jpeg)
 
 
 def _one_line(error: Exception) -> str:

@@ -8,6 +8,7 @@ import json
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
@@ -162,3 +163,13 @@ def test_trials_are_found_in_folders_of_folders_whole_or_not(whole, tmp_path):
     (tmp_path / "c").mkdir()
     with pytest.raises(UsageError, match="no trials in it"):
         find_trials(tmp_path / "c")
+
+
+@pytest.mark.parametrize("text", ["[" * 200_000, '{"a":' * 200_000])
+def test_a_summary_that_is_nested_without_end_is_refused_in_a_sentence(whole, tmp_path, text):
+    builder = RecordBuilder()
+    Metadata(name="summary", metadata={"json": text}).write(builder)
+    content, at, file = whole.read_bytes(), len(MCAP0_MAGIC), tmp_path / "trial.mcap"
+    file.write_bytes(content[:at] + builder.end() + content[at:])
+    with pytest.raises(UsageError, match="not a trial of this toolkit"):
+        read_trial(file)
