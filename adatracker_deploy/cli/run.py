@@ -138,7 +138,7 @@ def run(args: argparse.Namespace) -> int:
 
     from adatracker_deploy.trial.salvage import salvage_all
     from adatracker_deploy.trial.stage_table import stage_table
-    from adatracker_deploy.trial.summary import summarise_set
+    from adatracker_deploy.trial.summary import summarise_set, timing_words
     from adatracker_deploy.trial.summary_table import summary_table
 
     plans = _plans(args)
@@ -150,6 +150,12 @@ def run(args: argparse.Namespace) -> int:
     if any(summary["rate_hz"] for summary in summaries):
         console.print(stage_table(summaries))
     console.print(summary_table(summaries))
+    for row in summaries:
+        if not row["timing_kept"]:
+            warning = (
+                f"warning: {row['trial']}: {timing_words(row)}; left out of means ('score --all' counts it)"
+            )
+            console.print(warning, markup=False, soft_wrap=True)
     if args.json:
         print(json.dumps(summaries[0] if len(plans) == 1 else summarise_set(summaries)))
     outcomes = {summary["outcome"] for summary in summaries}

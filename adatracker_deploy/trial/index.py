@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 COLUMNS = (
     "started", "platform", "kind", "policy", "outcome", "recorded_outcome", "mr", "el", "steps", "seconds",
-    "bytes", "notes", "trial", "error",
+    "bytes", "notes", "trial", "error", "timing_kept",
 )  # fmt: skip
 """Keys of a row; what a trial does not have is None."""
 _FROM_SUMMARY = ("mr", "el", "steps", "seconds")
@@ -83,6 +83,7 @@ def _said(file: Path) -> Row:
         | {
             "outcome": outcome,
             "recorded_outcome": recorded,
+            "timing_kept": found.get("timing_kept"),
         }
     )
 

@@ -24,8 +24,14 @@ from adatracker_deploy.errors import UsageError
 from adatracker_deploy.trial.folder import FILE_NAME, PART_NAME
 from adatracker_deploy.trial.marks import Mark, read_marks
 from adatracker_deploy.trial.mask_png import decode_mask
+from adatracker_deploy.trial.older import as_of_format_2
 from adatracker_deploy.trial.scan import whole_records
-from adatracker_deploy.trial.step_json import STEP_FORMAT, scored_step_from_json, step_from_json
+from adatracker_deploy.trial.step_json import (
+    OLDEST_FORMAT,
+    STEP_FORMAT,
+    scored_step_from_json,
+    step_from_json,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Container, Iterator
@@ -239,14 +245,15 @@ def _read(path: Path, decode: Callable[[bytes], StepT]) -> tuple[dict[str, Any],
         }
     except (KeyError, TypeError, ValueError, DecodeError, yaml.YAMLError) as error:
         raise UsageError(f"{file}: not a trial of this toolkit ({_one_line(error)})") from error
-    return about, tuple(sorted(steps, key=lambda step: step.step))
+    ordered = sorted(steps, key=lambda step: step.step)
+    return about, tuple(ordered if int(trial["step_format"]) >= 2 else as_of_format_2(ordered))
 
 
 def _check_format(file: Path, trial: Mapping[str, str]) -> None:
     found = int(trial["step_format"])
     if found > STEP_FORMAT:
         raise UsageError(f"{file}: written by a newer version of this toolkit; update adatracker-deploy")
-    if found < STEP_FORMAT:
+    if found < OLDEST_FORMAT:
         writer = trial.get("adatracker-deploy", "unknown")
         raise UsageError(
             f"{file}: written by an older version of this toolkit, in step format {found}, which this one "
