@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 SUFFIX = ".mp4"
-_CODEC = "mp4v"
+_CODEC = "vp09"
+"""VP9: what every browser plays, and the FFmpeg in OpenCV's own wheels writes (H.264 and AV1 it does not)."""
 
 
 def check_film_path(path: Path) -> None:
@@ -96,7 +97,7 @@ class FilmWriter:
         code = cv2.VideoWriter.fourcc(*_CODEC)
         writer = cv2.VideoWriter(str(self._path), cv2.CAP_FFMPEG, code, self._rate_hz, self._size)
         if not writer.isOpened():
-            raise UsageError(f"film {self._path}: OpenCV cannot write an MP4 ({_CODEC}) there")
+            raise UsageError(f"film {self._path}: OpenCV cannot write an MP4 (VP9) there")
         return writer
 
     def _put(self, writer: cv2.VideoWriter, bgr: NDArray[np.uint8]) -> None:
