@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from adatracker_deploy.cli.ranges import real, whole
 from adatracker_deploy.cli.seeing import add_segmenter_options
 from adatracker_deploy.errors import UsageError
+from adatracker_deploy.extras import need
 from adatracker_deploy.policy.catalogue import DEFAULT
 from adatracker_deploy.trial.live_port import DEFAULT_PORT, choose_port
 
@@ -237,6 +238,7 @@ def _plans(args: argparse.Namespace) -> list[TrialPlan]:
         raise UsageError(
             "several platforms are rehearsed with their own profiles: add --sitl, drop --profile"
         )
+    need(_extras(args, names), f"--platform {args.platform}{' --sitl' if args.sitl else ''}")
     plans = [_plan(args, name) for name in names]
     if args.live is not None:
         live_port = choose_port(args.live)  # the same for all trials: a viewer finds the next one by itself
@@ -246,6 +248,12 @@ def _plans(args: argparse.Namespace) -> list[TrialPlan]:
         for plan in plans
         for trial in range(args.trials)
     ]
+
+
+def _extras(args: argparse.Namespace, names: list[str]) -> list[str]:
+    """Return the extras that are sure to be needed, so that all that are missing are named at once."""
+    virtual = args.sitl or args.scene or (args.camera or "").startswith("world:")
+    return [*names, *(["sitl"] if virtual else ()), *(["live"] if args.live is not None else ())]
 
 
 def _plan(args: argparse.Namespace, name: str) -> TrialPlan:

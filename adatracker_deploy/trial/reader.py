@@ -26,6 +26,7 @@ from adatracker_deploy.trial.marks import Mark, read_marks
 from adatracker_deploy.trial.mask_png import decode_mask
 from adatracker_deploy.trial.older import as_of_format_2
 from adatracker_deploy.trial.scan import whole_records
+from adatracker_deploy.trial.search import search
 from adatracker_deploy.trial.step_json import (
     OLDEST_FORMAT,
     STEP_FORMAT,
@@ -264,15 +265,17 @@ def _check_format(file: Path, trial: Mapping[str, str]) -> None:
 def find_trials(path: Path) -> list[Path]:
     """Return the trials that a path names: itself, or those in the folders below it, sorted.
 
+    Folders that may not be read are among them: reading them says so.
+
     Raises:
         UsageError: there is none.
     """
     if not path.is_dir():
         return [path]
-    found = {file.parent for name in (FILE_NAME, PART_NAME) for file in path.rglob(name)}
-    if not found:
+    found = search(path, {FILE_NAME, PART_NAME}.__contains__)
+    if not (found.files or found.refused):
         raise UsageError(f"{path}: no trials in it: no folder here has a {FILE_NAME}")
-    return sorted(found)
+    return sorted({*(file.parent for file in found.files), *found.refused})
 
 
 def trial_file(path: Path) -> Path:
@@ -281,10 +284,13 @@ def trial_file(path: Path) -> Path:
     Raises:
         UsageError: there is none.
     """
-    candidates = [path / FILE_NAME, path / PART_NAME] if path.is_dir() else [path]
-    for candidate in candidates:
-        if candidate.is_file():
-            return candidate
+    try:
+        candidates = [path / FILE_NAME, path / PART_NAME] if path.is_dir() else [path]
+        for candidate in candidates:
+            if candidate.is_file():
+                return candidate
+    except PermissionError as error:
+        raise UsageError(f"{path}: may not be read ({error.strerror})") from error
     missing = f"no {FILE_NAME} in it" if path.is_dir() else "no such file or folder"
     raise UsageError(f"{path}: {missing}")
 
