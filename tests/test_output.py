@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -36,7 +37,7 @@ def test_a_reader_that_has_gone_is_no_error_to_tell_of(trials, arguments):
 @pytest.mark.parametrize("arguments", [("trials",), ("trials", "--json"), ("score",)])
 def test_a_full_disk_under_the_output_is_told_in_a_line(trials, arguments):
     name, *options = arguments
-    with open("/dev/full", "w", encoding="utf-8") as full:
+    with Path("/dev/full").open("w") as full:
         done = subprocess.run(
             (*COMMAND, name, trials, *options), stdout=full, stderr=subprocess.PIPE, text=True, check=False
         )

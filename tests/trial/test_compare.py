@@ -182,3 +182,13 @@ def test_the_command_says_what_it_cannot_compare(capsys, sets, tmp_path):
     assert "say it with --rate" in capsys.readouterr().err
     assert main([*arguments, "--rate", "20"]) == 0
     assert main([*arguments, "--rate", "5"]) == 0
+
+
+def test_the_command_compares_a_policy_at_20_hz_with_one_at_10(capsys, sets, tmp_path):
+    slow = [a_step(step, t_ns=a_step(0).t_ns + step * 100_000_000) for step in range(11)]
+    a_trial(tmp_path, slow)
+    assert main(["compare", str(sets / "a"), str(tmp_path)]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert "EL (s)" in text
+    assert "the trials ran at different rates (10.0 to 20.0 Hz): EL is compared in seconds" in text
+    assert main(["compare", str(sets / "a"), str(tmp_path), "--any-rate"]) == 0  # which scripts may say

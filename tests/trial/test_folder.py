@@ -32,9 +32,9 @@ def not_writable():
 
 
 def test_a_folder_that_is_there_and_cannot_be_written_is_refused(not_writable):
-    with pytest.raises(UsageError, match="Permission denied.*--log-dir"):
+    with pytest.raises(UsageError, match=r"Permission denied.*--log-dir"):
         place_for_logs(not_writable)
-    with pytest.raises(UsageError, match="Permission denied.*--log-dir"):
+    with pytest.raises(UsageError, match=r"Permission denied.*--log-dir"):
         place_for_logs(not_writable / "trials")
 
 
