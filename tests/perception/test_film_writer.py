@@ -123,3 +123,15 @@ def test_a_film_is_of_a_codec_and_profile_that_browsers_play(tmp_path):
     assert (version, profile) == (1, 0)
     assert (depth_and_chroma >> 4, (depth_and_chroma >> 1) & 7 <= 1) == (8, True)
     assert levels(path)[0] == [0, 2, 4, 6, 8]
+
+
+def test_a_film_that_is_interrupted_before_its_first_picture_leaves_nothing(tmp_path, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    writer = FilmWriter(tmp_path / "out.mp4", 10.0)
+    monkeypatch.setattr(FilmWriter, "_put", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        writer.write(grey(1), 0)
+    writer.close()
+    assert not list(tmp_path.iterdir())
