@@ -66,6 +66,8 @@ class Reason(enum.StrEnum):
     """Somebody else has control."""
     REFUSED = "refused", Kind.STOPS
     """The adapter could not send."""
+    SUSPENDED = "suspended", Kind.STOPS
+    """The machine slept."""
     ASKED = "asked", Kind.STOPS
     """The operator, or the end of the trial."""
 
