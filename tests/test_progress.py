@@ -21,6 +21,6 @@ from tests.trial.records import a_step
 )
 def test_a_stale_step_is_not_shown_as_a_lost_one(changes, said, not_said):
     console = Console(file=io.StringIO(), width=200)
-    Progress(console, 600).step(a_step(10, **changes))
+    Progress(console, 600, lambda folder: None).step(a_step(10, **changes))
     assert said in console.file.getvalue()
     assert not_said not in console.file.getvalue()
