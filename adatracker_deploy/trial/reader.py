@@ -23,8 +23,15 @@ from adatracker_deploy.perception.jpeg import decode_jpeg
 from adatracker_deploy.trial.folder import FILE_NAME, PART_NAME
 from adatracker_deploy.trial.marks import Mark, read_marks
 from adatracker_deploy.trial.mask_png import decode_mask
+from adatracker_deploy.trial.older import as_of_format_2
 from adatracker_deploy.trial.scan import whole_records
-from adatracker_deploy.trial.step_json import STEP_FORMAT, scored_step_from_json, step_from_json
+from adatracker_deploy.trial.search import search
+from adatracker_deploy.trial.step_json import (
+    OLDEST_FORMAT,
+    STEP_FORMAT,
+    scored_step_from_json,
+    step_from_json,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Container, Iterator
@@ -239,14 +246,15 @@ def _read(path: Path, decode: Callable[[bytes], StepT]) -> tuple[dict[str, Any],
         }
     except (KeyError, TypeError, ValueError, RecursionError, DecodeError, yaml.YAMLError) as error:
         raise UsageError(f"{file}: not a trial of this toolkit ({_one_line(error)})") from error
-    return about, tuple(sorted(steps, key=lambda step: step.step))
+    ordered = sorted(steps, key=lambda step: step.step)
+    return about, tuple(ordered if int(trial["step_format"]) >= 2 else as_of_format_2(ordered))
 
 
 def _check_format(file: Path, trial: Mapping[str, str]) -> None:
     found = int(trial["step_format"])
     if found > STEP_FORMAT:
         raise UsageError(f"{file}: written by a newer version of this toolkit; update adatracker-deploy")
-    if found < STEP_FORMAT:
+    if found < OLDEST_FORMAT:
         writer = trial.get("adatracker-deploy", "unknown")
         raise UsageError(
             f"{file}: written by an older version of this toolkit, in step format {found}, which this one "
@@ -257,15 +265,17 @@ def _check_format(file: Path, trial: Mapping[str, str]) -> None:
 def find_trials(path: Path) -> list[Path]:
     """Return the trials that a path names: itself, or those in the folders below it, sorted.
 
+    Folders that may not be read are among them: reading them says so.
+
     Raises:
         UsageError: there is none.
     """
     if not path.is_dir():
         return [path]
-    found = {file.parent for name in (FILE_NAME, PART_NAME) for file in path.rglob(name)}
-    if not found:
+    found = search(path, {FILE_NAME, PART_NAME}.__contains__)
+    if not (found.files or found.refused):
         raise UsageError(f"{path}: no trials in it: no folder here has a {FILE_NAME}")
-    return sorted(found)
+    return sorted({*(file.parent for file in found.files), *found.refused})
 
 
 def trial_file(path: Path) -> Path:
@@ -274,10 +284,13 @@ def trial_file(path: Path) -> Path:
     Raises:
         UsageError: there is none.
     """
-    candidates = [path / FILE_NAME, path / PART_NAME] if path.is_dir() else [path]
-    for candidate in candidates:
-        if candidate.is_file():
-            return candidate
+    try:
+        candidates = [path / FILE_NAME, path / PART_NAME] if path.is_dir() else [path]
+        for candidate in candidates:
+            if candidate.is_file():
+                return candidate
+    except PermissionError as error:
+        raise UsageError(f"{path}: may not be read ({error.strerror})") from error
     missing = f"no {FILE_NAME} in it" if path.is_dir() else "no such file or folder"
     raise UsageError(f"{path}: {missing}")
 
