@@ -112,7 +112,8 @@ class Autopilot:
             commander.battery = max(0.0, commander.battery - dt_s / _BATTERY_LASTS_S)
         commander.update(truth, self._estimate, now_s, climbs=self._climbs())
         if commander.mode is not self._navigated:
-            self._navigator.enter(commander.mode, self._estimate, commander.takeoff_altitude_m)
+            top_m = commander.home_m + commander.takeoff_altitude_m
+            self._navigator.enter(commander.mode, self._estimate, top_m)
             self._navigated = commander.mode
         while commander.said:
             self._tell_people(commander.said.popleft())

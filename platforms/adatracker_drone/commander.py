@@ -73,6 +73,9 @@ class Commander:
         self.said: deque[Said] = deque(maxlen=32)
         """For STATUSTEXT and EVENT; whoever sends them takes them out."""
         self.takeoff_altitude_m = parameters["MIS_TAKEOFF_ALT"]
+        """Above home."""
+        self.home_m = 0.0
+        """The height that was believed when the vehicle was armed; home is set then (COM_HOME_EN)."""
         self.battery = 1.0
         """State of charge, 0 to 1; set by the owner."""
         self.published_s = 0.0
@@ -167,6 +170,8 @@ class Commander:
         """
         if self.armed:
             self._ramp_up(now_s, climbs=climbs)
+        else:
+            self.home_m = estimate.altitude
         self._detect_landing(truth, now_s)
         if self.armed:
             self._finish_takeoff(estimate, now_s)
@@ -246,7 +251,7 @@ class Commander:
     def _finish_takeoff(self, estimate: Motion, now_s: float) -> None:
         """Report a takeoff finished, which switches to HOLD even if OFFBOARD took over in the meantime."""
         if self.mode is Mode.TAKEOFF and self._reached_s is None:
-            below = self.takeoff_altitude_m - estimate.altitude
+            below = self.home_m + self.takeoff_altitude_m - estimate.altitude
             if below <= min(self._parameters["NAV_MC_ALT_RAD"], self.takeoff_altitude_m / 2):
                 self._reached_s = now_s
         if self._reached_s is not None and now_s - self._reached_s >= _TAKEOFF_SETTLE_S:
@@ -258,7 +263,9 @@ class Commander:
         """Hold at the geofence, where one is set (GF_ACTION 2; 3 returns)."""
         action = {2: Mode.HOLD, 3: Mode.RTL, 5: Mode.LAND}.get(int(self._parameters["GF_ACTION"]))
         across, up = self._parameters["GF_MAX_HOR_DIST"], self._parameters["GF_MAX_VER_DIST"]
-        out = 0 < across < math.hypot(estimate.north, estimate.east) or 0 < up < estimate.altitude
+        out = (
+            0 < across < math.hypot(estimate.north, estimate.east) or 0 < up < estimate.altitude - self.home_m
+        )
         if out and action and self.wanted not in (action, Mode.LAND, Mode.RTL):
             self._say(Severity.CRITICAL, f"Geofence violated, {action.name}")
             self.request(action, now_s)

@@ -71,7 +71,7 @@ class Navigator:
         """Held by the modes that stay, climb, land or return."""
         self._heading = 0.0
 
-    def enter(self, mode: Mode, motion: Motion, takeoff_altitude_m: float) -> None:
+    def enter(self, mode: Mode, motion: Motion, top_m: float) -> None:
         """Begin a mode; a hold that follows a takeoff keeps the takeoff's place."""
         after_takeoff = self._mode is Mode.TAKEOFF and mode is Mode.HOLD
         self._mode = mode
@@ -84,7 +84,7 @@ class Navigator:
         )
         self._heading = motion.heading
         if mode is Mode.TAKEOFF:
-            self._place = self._place._replace(down=min(-takeoff_altitude_m, motion.down))
+            self._place = self._place._replace(down=min(-top_m, motion.down))
         elif mode is Mode.RTL:
             far = math.hypot(motion.north, motion.east) > self._parameters["RTL_MIN_DIST"]
             height = self._parameters["RTL_RETURN_ALT"] if far else 0.0

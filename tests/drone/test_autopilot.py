@@ -161,6 +161,17 @@ def test_the_thrust_ramps_up_for_three_seconds_in_which_it_counts_as_taking_off_
     assert 2.0 < flight.t_s - began_s < 4.0
 
 
+@pytest.mark.parametrize("drift_m", [-0.6, 0.6])
+def test_a_take_off_counts_from_the_height_that_is_believed_at_arming(drift_m):
+    flight = Flight().set("MIS_TAKEOFF_ALT", 2.0)
+    flight.autopilot._estimator._drift_m = drift_m
+    flight.run(1.0)
+    flight.arm()
+    flight.take_off()
+    flight.run_until(lambda: flight.mode is Mode.HOLD).run(4.0)
+    assert flight.body.pose.z == pytest.approx(2.0, abs=0.3)
+
+
 def test_told_to_land_while_the_thrust_ramps_up_it_never_leaves_the_ground():
     flight = Flight().run(1.0)
     flight.arm()
