@@ -61,14 +61,14 @@ def _zstd(chunk: Chunk, most: int) -> bytes:
         raise UnsupportedCompressionError("zstandard") from error
     try:
         with zstandard.ZstdDecompressor().stream_reader(io.BytesIO(chunk.data)) as reader:
-            return reader.read(most + 1)
+            return bytes(reader.read(most + 1))
     except (zstandard.ZstdError, MemoryError) as error:
         raise EndOfFile(f"a damaged chunk: {error}") from error
 
 
 def _lz4(chunk: Chunk, most: int) -> bytes:
     try:
-        from lz4.frame import LZ4FrameDecompressor
+        from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped]
     except ImportError as error:
         raise UnsupportedCompressionError("lz4") from error
     try:

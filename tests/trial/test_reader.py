@@ -169,7 +169,8 @@ def test_trials_are_found_in_folders_of_folders_whole_or_not(whole, tmp_path):
 def test_a_summary_that_is_nested_without_end_is_refused_in_a_sentence(whole, tmp_path, text):
     builder = RecordBuilder()
     Metadata(name="summary", metadata={"json": text}).write(builder)
-    content, at, file = whole.read_bytes(), len(MCAP0_MAGIC), tmp_path / "trial.mcap"
-    file.write_bytes(content[:at] + builder.end() + content[at:])
+    content, file = whole.read_bytes(), tmp_path / "trial.mcap"
+    opcode_and_length = 9
+    file.write_bytes(content[: content.index(b"\7\0\0\0summary") - opcode_and_length] + builder.end())
     with pytest.raises(UsageError, match="not a trial of this toolkit"):
         read_trial(file)
