@@ -43,7 +43,7 @@ def unpacked(chunk: Chunk, allowance: Allowance) -> bytes:
         raise McapError(
             f"{len(chunk.data)} packed bytes claim to be {stated}: no log shrinks so far, it is not unpacked"
         )
-    data = _DECOMPRESS.get(chunk.compression, _unknown)(chunk, stated)
+    data: bytes = _DECOMPRESS.get(chunk.compression, _unknown)(chunk, stated)
     if len(data) != stated:
         raise EndOfFile(f"a chunk that says it holds {stated} bytes does not")
     allowance.left_bytes -= stated
@@ -51,7 +51,7 @@ def unpacked(chunk: Chunk, allowance: Allowance) -> bytes:
 
 
 def _plain(chunk: Chunk, most: int) -> bytes:
-    return chunk.data[: most + 1]
+    return bytes(chunk.data[: most + 1])
 
 
 def _zstd(chunk: Chunk, most: int) -> bytes:
