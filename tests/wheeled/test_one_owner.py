@@ -25,7 +25,11 @@ from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.platform import Scenario, Twist
 from adatracker_deploy.runtime.charge import ChargeMark
 from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_wheeled.far_end import FarEnd
 from adatracker_wheeled.platform import WheeledPlatform
+from adatracker_wheeled.socketcand import SocketcandServer
+from tests.other_machine import OfAnotherMachine
+from tests.race import owners, race
 
 AHEAD = Twist(vx=0.5)
 THEIRS = (0x111, bytes.fromhex("0100 0000 0000 0000"))
@@ -241,16 +245,6 @@ def test_a_device_is_the_same_under_its_other_names(tmp_path):
     assert len(robots) == 1
 
 
-class OfAnotherMachine:
-    """A claim that this machine does not see."""
-
-    def __init__(self, robot):
-        pass
-
-    def close(self):
-        pass
-
-
 def test_of_two_on_one_bus_without_a_machine_in_common_never_both_drive(monkeypatch):
     monkeypatch.setattr("adatracker_wheeled.wire.Claim", OfAnotherMachine)
     for delay_ms in (0, 1, 5, 20, 60):
@@ -278,3 +272,25 @@ def test_of_two_on_one_bus_without_a_machine_in_common_never_both_drive(monkeypa
                 thread.join()
             clock.sleep_until(clock.now_ns() + 100_000_000)
             assert sum(platform.state().engaged for platform in both) <= 1
+
+
+@pytest.mark.slow
+def test_of_two_that_start_at_once_exactly_one_has_the_base(measured):
+    profile, clock = base_profile(), MonotonicClock()
+    far_end, ended = FarEnd(profile.connection.roles, profile.sitl, Scenario(), clock), threading.Event()
+    server = SocketcandServer(0, far_end.hear)
+    serving = threading.Thread(target=far_end.serve, args=(server.send, ended))
+    serving.start()
+    try:
+        results = race("wheeled", {"interface": "socketcand", "port": server.port})
+    finally:
+        ended.set()
+        serving.join()
+        server.close()
+    counts = [len(owners(result)) for result in results]
+    measured(
+        f"two starts at once for a base, on one machine: {counts.count(1)} of {len(counts)} with one owner"
+    )
+    assert counts == [1] * len(results), results
+    refused = [said for result in results for said in result if said != "owner"]
+    assert all("another program on this machine" in said for said in refused)
