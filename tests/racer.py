@@ -1,8 +1,8 @@
 """A program that would like to have a robot, again and again: two of them race for it.
 
 ``python -m tests.racer PLATFORM CONNECTION.json [--elsewhere]``; a line on stdin is a moment, ns of the
-monotonic clock, at which it connects and engages. It answers ``owner`` or ``refused: WHY``, and lets go at the
-next line, which it answers with ``free``. With ``--elsewhere`` it is on another machine, as claims see it.
+monotonic clock, at which it connects and engages. It answers ``owner`` or ``refused: WHY``, and lets go at
+the next line, which it answers with ``free``. With ``--elsewhere`` it is on another machine, say claims.
 """
 
 import dataclasses

@@ -2,8 +2,8 @@
 
 Frames are REP 103's and REP 105's on both sides: a pose is that of ``child_frame_id`` (the body: x forward,
 y left, z up) in ``frame_id`` (fixed: x east or start-forward), a velocity is in the body; `in_body` puts
-right one that is not. Only attitudes change their form, in `parts` and nowhere else: a unit quaternion on the wire,
-`Pose`'s angles inside.
+right one that is not. Only attitudes change their form, in `parts` and nowhere else: a unit quaternion on the
+wire, `Pose`'s angles inside.
 Covariances are not read, and are written as zeros: unknown (sensor_msgs/Imu).
 """
 
