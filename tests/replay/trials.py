@@ -13,6 +13,7 @@ from adatracker_deploy.messages import Box, Observation
 from adatracker_deploy.platform import ZERO
 from adatracker_deploy.policy.base import to_twist
 from adatracker_deploy.trial.record import Latency
+from adatracker_deploy.trial.step_json import STEP_FORMAT
 from adatracker_deploy.trial.trial_file import TrialFile
 from tests.trial.records import START_NS, a_step
 
@@ -35,13 +36,26 @@ def observations(count, seed=0, gone=()):
     return seen
 
 
-def logged(folder, policy, seen, *, stale=(), missing=(), unpictured=(), nudged=(), about=None, config=None):
+def logged(
+    folder,
+    policy,
+    seen,
+    *,
+    stale=(),
+    missing=(),
+    unpictured=(),
+    nudged=(),
+    about=None,
+    config=None,
+    ends=True,
+):
     """Let a policy answer each observation at a tick of its own and log it; return the file.
 
     Args:
         stale: ticks whose observation was too old: the policy is not asked.
         missing: ticks that the writer dropped.
         unpictured: ticks whose frame it dropped.
+        ends: the tracker lived to say how.
         nudged: ticks whose last action is logged as the next larger float32.
     """
     policy.reset(SEED)
@@ -51,7 +65,12 @@ def logged(folder, policy, seen, *, stale=(), missing=(), unpictured=(), nudged=
         "seed": SEED,
         "speed": 1.0,
     }
-    trial = {"step_format": "1", "platform": "wheeled", "kind": "real", "policy": policy.info.name}
+    trial = {
+        "step_format": str(STEP_FORMAT),
+        "platform": "wheeled",
+        "kind": "real",
+        "policy": policy.info.name,
+    }
     metadata = {
         "trial": trial | {"steps": str(len(seen) - 1)} | (about or {}),
         "config": {"yaml": yaml.safe_dump(said if config is None else config)},
@@ -72,7 +91,7 @@ def logged(folder, policy, seen, *, stale=(), missing=(), unpictured=(), nudged=
                 log.picture(record.t_ns, observation.t_ns, observation.seq, GREY, observation.mask)
             shown = observation.seq
             log.step(record.t_ns, observation.t_ns, record)
-        log.finish('{"outcome": "completed"}')
+        log.finish('{"outcome": "completed"}' if ends else None)
     return file
 
 

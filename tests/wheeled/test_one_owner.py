@@ -38,7 +38,7 @@ COMMANDS = "somebody else on the bus commands the base"
 
 @pytest.fixture(autouse=True)
 def own_folder(monkeypatch, tmp_path):
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setenv("ADATRACKER_RUN_DIR", str(tmp_path))
 
 
 def refused(platform):
