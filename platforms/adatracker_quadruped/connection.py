@@ -76,6 +76,10 @@ class Connection:
     """A peer that is silent for this long is gone: how soon a frozen or cut-off robot is noticed."""
     odometry_timeout_s: Annotated[float, Range(0.05, 5)] = 0.3
     """Without odometry for this long the robot is walked no further."""
+    odometry_velocity: Literal["body", "odom"] = "body"
+    """Axes of the odometry's twist: ``child_frame_id`` by ROS's rule, or its own (Spot's driver)."""
+    rehearsal_token: str = ""
+    """Set by ``--sitl``: the robot must show this, or it is somebody else's and is sent nothing."""
     command_timeout_s: Annotated[float, Range(0.05, 5)] = 0.5
     """The robot's own: it stops when no command has come for this long."""
 

@@ -20,6 +20,7 @@ from adatracker_wheeled.hearing import Heard, Trouble
 from adatracker_wheeled.helm import Helm
 from adatracker_wheeled.preflight import (
     battery_check,
+    control_check,
     frames_check,
     queue_check,
     status_checks,
@@ -59,6 +60,8 @@ class WheeledPlatform(Platform):
         self._sent_ns = 0
         self._told = 0
         """Malformed frames, when they were last told of."""
+        self._warned = ""
+        """What the base warned of when that was last told."""
 
     def connect(self) -> None:
         """Open the bus and wait for the base's state; sends nothing.
@@ -83,10 +86,12 @@ class WheeledPlatform(Platform):
         with self._turn:
             wire = self._connected()
             wire.wait(lambda heard: heard.motion_t_ns > 0, self._timing.feedback_timeout_s)
+            wire.listen(self._refuse_when_closing)
             if self._connection.roles.battery and self._connection.min_battery:
                 wire.wait(lambda heard: heard.battery is not None, 1.5 * self._timing.battery_period_s)
             return (
                 *status_checks(wire.heard, self._timing, self.clock.now_ns(), self.clock.speed),
+                control_check(wire.heard, wire.rival(), self._helm.in_charge, wire.mark.left_by()),
                 battery_check(wire.heard.battery, self._connection.min_battery),
                 timeout_check(self._timing),
                 frames_check(wire.ear.malformed),
@@ -102,11 +107,12 @@ class WheeledPlatform(Platform):
             PlatformError: the base is not fit or does not obey, or somebody called `hold`, `disengage` or
                 `close` meanwhile.
         """
+        withdrawals = self._helm.withdrawals
         with self._turn:
             wire = self._connected()
             if self._helm.engaged:
                 return
-            self._helm.give_consent()
+            self._helm.give_consent(withdrawals)
             try:
                 if wire.lost:
                     wire.reopen()
@@ -150,11 +156,18 @@ class WheeledPlatform(Platform):
         )
 
     def notices(self) -> tuple[str, ...]:
-        """Tell of frames of the base's that could not be believed."""
+        """Tell of the base's warnings, and of frames of its that could not be believed."""
         wire = self._helm.wire
-        count = wire.ear.malformed if wire is not None else 0
+        if wire is None:
+            return ()
+        count, status = wire.ear.malformed, wire.heard.status
         told, self._told = self._told, count
-        return (f"CAN: {count} malformed frames were dropped",) if milestone(told, count) else ()
+        warning = status.warning if status is not None else ""
+        warned, self._warned = self._warned, warning
+        return (
+            *((f"CAN: {count} malformed frames were dropped",) if milestone(told, count) else ()),
+            *((f"the base warns of: {warning}",) if warning and warning != warned else ()),
+        )
 
     def hold(self, reason: str) -> None:
         """Say zero three times, then nothing until an explicit `engage`; the base stays enabled."""
@@ -246,6 +259,8 @@ class WheeledPlatform(Platform):
             mine, self._helm.in_charge = self._helm.in_charge, False  # for good if `offer` finds the bus lost
             if mine:  # nobody has taken it meanwhile
                 self._helm.in_charge = not wire.offer(wire.codec.disable())
+                if not self._helm.in_charge:
+                    wire.mark.clear()
             return not self._helm.in_charge
 
     def _queue_checks(self) -> tuple[Check, ...]:

@@ -89,7 +89,7 @@ def test_a_base_that_somebody_else_disables_is_let_go():
         send_for(platform, AHEAD, 0.3)
         tap.send(*STANDBY)
         until(lambda: platform.state().stopped)
-        assert "standby" in platform.state().stopped
+        assert "somebody else on the bus commands the base (frames 0x421)" in platform.state().stopped
         assert platform.state().taken_over
         tap.frames()
         platform.disengage()
