@@ -155,6 +155,8 @@ class _Trial:
         self.link = self.stack.enter_context(LinkProcess(robot, profile, self.clock, plan.scheduling))
         self.engagement = Engagement(self.link, self.clock, self._reached)
         camera = self._open_camera(profile)
+        if unreal := self._unreal():
+            self.progress.phase(f"warning: {unreal}")
         self.progress.phase("connecting")
         self._refuse_unready(self.link.connect())
         self.log = TrialLog.create(
@@ -176,6 +178,8 @@ class _Trial:
             raise PlatformError(f"the trial cannot be logged: {self.log.trouble}")
         if self.injection is not None:
             self.injection.attend(self.log, self.link)
+        if unreal:
+            self._warn(unreal)
         if moves:
             self._tell(f"sleep of this machine: {f'locked ({no_sleep})' if no_sleep else 'not locked'}")
         for name in profile.limits.switched_off:
@@ -227,6 +231,16 @@ class _Trial:
                     "cameras of rehearsals, which know what they show: try --segmenter embedded"
                 )
         return self._faulty(camera)
+
+    def _unreal(self) -> str:
+        """Say that a real robot would follow somebody who is drawn; empty where it does not."""
+        if not self.drawn or self.plan.sitl or self.plan.dry_run:
+            return ""
+        uri = self.plan.camera or self.plan.profile.camera.uri
+        return (
+            f"A REAL ROBOT WILL FOLLOW A VIRTUAL PERSON: its camera, {uri}, is drawn and sees nobody; "
+            "give the one that it carries with --camera"
+        )
 
     def _faulty(self, camera: Camera) -> Camera:
         return camera if self.injection is None else self.injection.camera(camera)

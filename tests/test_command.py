@@ -85,14 +85,17 @@ def drone_profile(tmp_path, **connection):
     return str(path)
 
 
-def test_a_busy_port_is_named_before_anything_starts(capsys, tmp_path):
+def test_a_real_robot_that_would_follow_a_drawn_person_is_warned_of_and_a_busy_port_named(capsys, tmp_path):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
         profile = drone_profile(tmp_path, url=f"udpin://127.0.0.1:{port}")
-        assert main([*DRONE, "--profile", profile, "--log-dir", str(tmp_path / "trials")]) == 2
-    *_, line = capsys.readouterr().err.strip().splitlines()
-    assert f"UDP port {port} is in use" in line
+        asked = ("--platform", "drone", "--profile", profile, "--log-dir", str(tmp_path / "trials"))
+        assert main(list(asked)) == 2
+    printed = capsys.readouterr()
+    said = " ".join((printed.out + printed.err).split())
+    assert f"UDP 127.0.0.1:{port} cannot be used" in said
+    assert "warning: A REAL ROBOT WILL FOLLOW A VIRTUAL PERSON" in said
     assert not (tmp_path / "trials").exists()
 
 

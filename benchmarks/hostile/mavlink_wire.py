@@ -21,10 +21,9 @@ from adatracker_deploy.runtime.clock import MonotonicClock
 class Relay(threading.Thread):
     """Stands between the simulated autopilot and the adapter, which takes it for the autopilot."""
 
-    def __init__(self, port: int) -> None:
+    def __init__(self, far_port: int, port: int) -> None:
         super().__init__(daemon=True)
-        self.far, self.near = _udp(), _udp()
-        self.far_port = self.far.getsockname()[1]
+        self.far, self.near = _udp(far_port), _udp()
         self.near.connect(("127.0.0.1", port))
         self.autopilot = None
         self.orders = 0
@@ -79,17 +78,15 @@ def drone(signing_key: str = ""):
     profile = load_profile("px4_quad", platform_class)
     with _udp() as probe:
         port = probe.getsockname()[1]
-    with contextlib.closing(Relay(port)) as relay:
-        far_profile = _reached(profile, relay.far_port, signing_key)
-        relay.far.close()  # the far end looks whether the port is free
-        with platform_class.sitl(far_profile) as sitl:
-            sitl.start(clock, Scenario(seed=1))
-            relay.far = _udp(relay.far_port)
+    reached = _reached(profile, port, signing_key)  # as on the air: who it is, is not known beforehand
+    with platform_class.sitl(reached) as sitl:
+        far_port = int(sitl.start(clock, Scenario(seed=1)).connection.url.rpartition(":")[2])
+        with contextlib.closing(Relay(far_port, port)) as relay:
             relay.start()
-            with platform_class(_reached(profile, port, signing_key), clock) as platform:
+            with platform_class(reached, clock) as platform:
                 platform.connect()
                 platform.preflight()
-                yield platform, platform._vehicle._link.guard, relay, port
+                yield platform, platform._flight.vehicle._link.guard, relay, port
 
 
 def _reached(profile, port: int, signing_key: str):

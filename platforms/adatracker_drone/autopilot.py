@@ -9,15 +9,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import common as mavlink
 
 from adatracker_deploy.platform import Twist
 from adatracker_drone import services
 from adatracker_drone.body import Power
-from adatracker_drone.commander import FORCE, Commander
+from adatracker_drone.commander import FORCE, Commander, Said
+from adatracker_drone.dialect import Event
 from adatracker_drone.estimator import Estimator
+from adatracker_drone.events import number_of
 from adatracker_drone.frames import rotate
 from adatracker_drone.motion import HOME_ALTITUDE_M, Motion, Velocity
 from adatracker_drone.navigator import NOTHING, Navigator, Ned, SetPoint
@@ -27,7 +29,7 @@ from adatracker_drone.settings import SitlSettings
 from adatracker_drone.streams import Streams
 from adatracker_drone.telemetry import Instant, Message
 
-SYSTEM, COMPONENT = 1, mavlink.MAV_COMP_ID_AUTOPILOT1
+COMPONENT = mavlink.MAV_COMP_ID_AUTOPILOT1
 
 _BATTERY_LASTS_S = 1200.0
 """A 450-class quadrotor's flight on one charge."""
@@ -39,6 +41,18 @@ _FRAMES = {
 """Of set-points, and whether they turn with the heading."""
 
 
+class Identity(NamedTuple):
+    """Who a vehicle is on the wire."""
+
+    system: int = 1
+    """MAV_SYS_ID."""
+    uid: bytes = bytes(18)
+    """AUTOPILOT_VERSION's uid2."""
+
+
+NOBODY = Identity()
+
+
 class Autopilot:
     """One vehicle's autopilot.
 
@@ -46,18 +60,28 @@ class Autopilot:
         settings: of the simulated vehicle.
         seed: of its estimation errors.
         speed: times real time; link-loss times are scaled with it.
+        identity: who it is.
 
     Raises:
         UsageError: a parameter in the settings does not exist or is out of range.
     """
 
-    def __init__(self, settings: SitlSettings, seed: int, speed: float = 1.0) -> None:
+    def __init__(
+        self, settings: SitlSettings, seed: int, speed: float = 1.0, identity: Identity = NOBODY
+    ) -> None:
+        self.identity = identity
         self.parameters = Parameters(settings.parameters)
-        self.commander = Commander(self.parameters, ekf_ready_s=settings.ekf_ready_s, speed=speed)
+        self.commander = Commander(
+            self.parameters,
+            ekf_ready_s=settings.ekf_ready_s,
+            landing_detected_s=settings.landing_detected_s,
+            speed=speed,
+        )
         self.commander.battery = settings.battery
         self._navigator = Navigator(self.parameters)
         self._estimator = Estimator(settings, seed)
-        self._streams = Streams()
+        self._streams = Streams(tells_current_mode=settings.tells_current_mode)
+        self._events = 0
         self._out: list[Message] = []
         self._set_point = SetPoint()
         self._estimate = Motion()
@@ -71,41 +95,47 @@ class Autopilot:
 
     def power(self) -> Power:
         """Return what the motors do."""
-        commander = self.commander
-        if not commander.armed:
+        if not self.commander.armed:
             return Power.OFF
-        if not commander.landed:
-            return Power.FLY
-        climbs = commander.mode is Mode.TAKEOFF or (
-            commander.mode is Mode.OFFBOARD
-            and self._navigator.demand(self._estimate, self._set_point).down < 0
-        )
-        return Power.FLY if climbs and commander.may_lift(self._now_s) else Power.IDLE
+        return Power.FLY if self.commander.lifts else Power.IDLE
 
     def step(self, truth: Motion, now_s: float) -> Velocity:
         """Judge the situation at `now_s` since power-on; return the velocity to fly.
 
-        The demand is made from the estimate and then put right by its bias: a controller that holds what it
+        The demand is made from the estimate and then put right by its error: a controller that holds what it
         believes to be a velocity really flies that velocity less the error of its belief.
         """
         dt_s, self._now_s = now_s - self._now_s, now_s
-        self._estimate = self._estimator.measure(truth)
+        self._estimate = self._estimator.measure(truth, dt_s)
         commander = self.commander
         if not commander.landed:
             commander.battery = max(0.0, commander.battery - dt_s / _BATTERY_LASTS_S)
-        commander.update(truth, now_s)  # a land detector feels thrust and touch, not the estimate's bias
+        commander.update(truth, self._estimate, now_s, climbs=self._climbs())
         if commander.mode is not self._navigated:
             self._navigator.enter(commander.mode, self._estimate, commander.takeoff_altitude_m)
             self._navigated = commander.mode
-        while commander.texts:
-            severity, text = commander.texts.popleft()
-            self._out.append(mavlink.MAVLink_statustext_message(severity, text.encode()))
+        while commander.said:
+            self._tell_people(commander.said.popleft())
         demand = self._navigator.demand(self._estimate, self._set_point)
-        north, east, down = self._estimator.bias_m_s
+        north, east, down = self._estimator.error_m_s
         forward, right = rotate(north, east, -truth.heading)
         return demand._replace(
             forward=demand.forward - forward, right=demand.right - right, down=demand.down - down
         )
+
+    def _climbs(self) -> bool:
+        """Tell whether a vehicle on the ground is to lift off."""
+        mode = self.commander.mode
+        return mode is Mode.TAKEOFF or (
+            mode is Mode.OFFBOARD and self._navigator.demand(self._estimate, self._set_point).down < 0
+        )
+
+    def _tell_people(self, said: Said) -> None:
+        self._out.append(mavlink.MAVLink_statustext_message(said.severity, said.text.encode()))
+        if said.event:
+            now_ms = round(self._now_s * 1e3)
+            self._out.append(Event(number_of(said.event), now_ms, self._events, said.severity))
+            self._events += 1
 
     def transmit(self) -> list[Message]:
         """Return everything there is to send now."""
@@ -124,7 +154,7 @@ class Autopilot:
 
     def receive(self, message: Message) -> None:
         """Take in one decoded message; what is for another vehicle, or not understood, is ignored."""
-        if getattr(message, "target_system", SYSTEM) not in (0, SYSTEM):
+        if getattr(message, "target_system", 0) not in (0, self.identity.system):
             return
         if getattr(message, "target_component", COMPONENT) not in (0, COMPONENT):
             return
@@ -135,12 +165,12 @@ class Autopilot:
             self._out += services.answer(message, self.parameters, self._now_s)
 
     def _instant(self) -> Instant:
-        return Instant(
-            round(self._now_s * 1e9), self._estimate, self.commander, self.commander.ready(self._now_s)
-        )
+        ready = self.commander.ready(self._now_s)
+        t_ns = round(self._now_s * 1e9)
+        return Instant(t_ns, self._estimate, self.commander, ready, self.identity.uid)
 
     def _tell(self, number: int) -> bool:
-        """Send one message of a stream now; False if there is no such stream."""
+        """Send one message of a stream now; False if there is none, or nothing new to tell in it."""
         message = self._streams.once(number, self._instant())
         if message is not None:
             self._out.append(message)
@@ -157,11 +187,10 @@ class Autopilot:
         """Carry out a command and acknowledge it to its sender."""
         command = _COMMANDS.get(message.command)
         result = Result.UNSUPPORTED if command is None else command(self, params)
-        self._out.append(
-            mavlink.MAVLink_command_ack_message(
-                message.command, result, 255, 0, message.get_srcSystem(), message.get_srcComponent()
-            )
-        )
+        sender = message.get_srcSystem(), message.get_srcComponent()
+        answer = mavlink.MAVLink_command_ack_message(message.command, result, 255, 0, *sender)
+        twice = message.command == mavlink.MAV_CMD_DO_SET_MODE  # which PX4's Commander and Navigator answer
+        self._out += [answer, answer] if twice else [answer]
 
     def _arm_disarm(self, params: tuple[float, ...]) -> Result:
         force = params[1] == FORCE
@@ -198,8 +227,7 @@ class Autopilot:
 
     def _set_interval(self, params: tuple[float, ...]) -> Result:
         now_ns = round(self._now_s * 1e9)
-        known = self._streams.set_period_us(_whole(params[0]), params[1], now_ns)
-        return Result.ACCEPTED if known else Result.DENIED
+        return self._streams.set_period_us(_whole(params[0]), params[1], now_ns)
 
     def _get_interval(self, params: tuple[float, ...]) -> Result:
         number = _whole(params[0])
@@ -218,7 +246,7 @@ class Autopilot:
         return Result.ACCEPTED
 
     def _request_message(self, params: tuple[float, ...]) -> Result:
-        return Result.ACCEPTED if self._tell(_whole(params[0])) else Result.UNSUPPORTED
+        return Result.ACCEPTED if self._tell(_whole(params[0])) else Result.DENIED
 
     def _on_local_target(self, message: Any) -> None:
         level_body = _FRAMES.get(message.coordinate_frame)

@@ -9,10 +9,11 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from adatracker_drone.motion import Motion
 from adatracker_drone.parameters import Parameters
-from adatracker_drone.px4 import LOSS_ACTIONS, Landed, Mode, Result, Severity
+from adatracker_drone.px4 import LOSS_ACTIONS, NEEDS_STICKS, TRANSIENT, Landed, Mode, Result, Severity
 
 FORCE = 21196
 """The number that makes an arm or disarm command unconditional (MAV_CMD_COMPONENT_ARM_DISARM)."""
@@ -21,15 +22,22 @@ _STREAM_S = 1.0
 """PX4's manual asks for a second of set-points before the switch to OFFBOARD..."""
 _STREAM_GAP_S = 0.5
 """...at 2 Hz or more."""
-_TAKEOFF_SETTLE_S = 0.5
+_TAKEOFF_SETTLE_S = 1.0
 """From reaching the takeoff altitude until the navigator reports the takeoff finished."""
-_LANDED_S = 0.8
-"""Standing still for so long counts as landed (land_detector)."""
 _STILL_M_S = 0.2
 _LOW_BATTERY = 0.15
 """COM_LOW_BAT: below it arming is refused (BAT_LOW_THR)."""
+_STATUS_S = 0.5
+"""`vehicle_status` is published so often while nothing changes, and at once when something does."""
 
-_NEEDS_STICKS = {Mode.MANUAL}
+
+class Said(NamedTuple):
+    """What is told to people: as a text, and as an event by its name."""
+
+    severity: Severity
+    text: str
+    event: str
+    """Empty where PX4 has none that matters here."""
 
 
 @dataclass(slots=True)
@@ -46,9 +54,12 @@ class _Offboard:
 class Commander:
     """Arming state and flight mode of one vehicle."""
 
-    def __init__(self, parameters: Parameters, *, ekf_ready_s: float, speed: float) -> None:
+    def __init__(
+        self, parameters: Parameters, *, ekf_ready_s: float, landing_detected_s: float, speed: float
+    ) -> None:
         self._parameters = parameters
         self._ekf_ready_s = ekf_ready_s
+        self._landing_detected_s = landing_detected_s
         self._speed = speed
         self.armed = False
         self.mode = Mode.HOLD
@@ -56,14 +67,23 @@ class Commander:
         self.failsafe = False
         """The fail-safe, not the user, chose the mode."""
         self.landed = True
-        self.texts: deque[tuple[Severity, str]] = deque(maxlen=32)
-        """For STATUSTEXT; whoever sends them takes them out."""
+        """As the land detector has it: no more from the moment the thrust ramps up, on the ground still."""
+        self.lifts = False
+        """The ramp is over: the motors follow the demand."""
+        self.said: deque[Said] = deque(maxlen=32)
+        """For STATUSTEXT and EVENT; whoever sends them takes them out."""
         self.takeoff_altitude_m = parameters["MIS_TAKEOFF_ALT"]
         self.battery = 1.0
         """State of charge, 0 to 1; set by the owner."""
-        self._wanted = Mode.HOLD
+        self.published_s = 0.0
+        """When `vehicle_status` was published last."""
+        self._published: tuple[Mode, Mode, bool, bool] | None = None
+        self.wanted = Mode.HOLD
+        """The mode that was asked for last: the user's intention."""
+        self._after_disarming = Mode.HOLD
         self._offboard = _Offboard()
         self._armed_s = 0.0
+        self._ramp_s: float | None = None
         self._flown = False
         self._landed_s = 0.0
         self._still_since_s = 0.0
@@ -71,12 +91,10 @@ class Commander:
         """When a takeoff reached its altitude and has not been reported finished."""
 
     def ready(self, now_s: float) -> bool:
-        """Tell whether the arming checks pass."""
-        return now_s >= self._ekf_ready_s and self.battery > _LOW_BATTERY
-
-    def may_lift(self, now_s: float) -> bool:
-        """Tell whether the motors have spooled up since arming."""
-        return self.armed and now_s - self._armed_s >= self._parameters["COM_SPOOLUP_TIME"]
+        """Tell whether the arming checks of the present mode pass."""
+        if self.armed:
+            return self.battery > _LOW_BATTERY
+        return not self._arming_obstacle(now_s)
 
     @property
     def landed_state(self) -> Landed:
@@ -96,9 +114,12 @@ class Commander:
         """Start the motors."""
         if self.armed:
             return Result.ACCEPTED
-        why = self._arming_obstacle(now_s)
+        why, event = self._arming_obstacle(now_s) or ("", "")
         if why and not force:
-            self._say(Severity.CRITICAL, f"Arming denied: {why}")
+            self._say(Severity.CRITICAL, why, event)
+            self._say(
+                Severity.CRITICAL, f"Arming denied: {why}"[:50], "commander_arm_denied_resolve_failures"
+            )
             return Result.REFUSED_NOW
         self.armed, self._armed_s, self._flown = True, now_s, False
         self._say(Severity.INFO, "Armed by external command")
@@ -109,20 +130,21 @@ class Commander:
         if not self.armed:
             return Result.ACCEPTED
         if not (self.landed or force):
-            self._say(Severity.CRITICAL, "Disarming denied: not landed")
+            self._say(Severity.CRITICAL, "Disarming denied: not landed", "commander_disarm_denied_not_landed")
             return Result.REFUSED_NOW
         self._disarm("Disarmed by external command")
         return Result.ACCEPTED
 
     def request(self, mode: Mode, now_s: float) -> Result:
         """Ask for a mode; while disarmed any is granted, as in PX4."""
-        if self.armed and mode in _NEEDS_STICKS:
-            self._say(Severity.CRITICAL, f"Switching to {mode.name} denied: no manual control")
+        refused = self.armed and mode in NEEDS_STICKS and mode is not Mode.POSCTL
+        if refused or (self.armed and mode is Mode.OFFBOARD and self._lost(now_s)):
+            event = "check_modes_manual_control" if refused else "check_modes_offboard_signal"
+            self._say(Severity.CRITICAL, f"Switching to {mode.name} is currently not available", event)
             return Result.REFUSED_NOW
-        if self.armed and mode is Mode.OFFBOARD and self._lost(now_s):
-            self._say(Severity.CRITICAL, "Switching to OFFBOARD denied: no set-points")
-            return Result.REFUSED_NOW
-        self._wanted = mode
+        self.wanted = mode
+        if mode not in TRANSIENT:
+            self._after_disarming = mode
         self._offboard.engaged = False
         if mode is not Mode.OFFBOARD or not self.armed:
             self._switch(mode)
@@ -134,33 +156,54 @@ class Commander:
         self.takeoff_altitude_m = min(max(wanted, 0.5), 120.0)
         return self.request(Mode.TAKEOFF, now_s)
 
-    def update(self, motion: Motion, now_s: float) -> None:
-        """Let time pass: landing detection, the end of a takeoff, fences, the offboard rules, auto-disarm."""
-        self._detect_landing(motion, now_s)
-        if not self.armed:
-            return
-        self._finish_takeoff(motion, now_s)
-        self._fence(motion, now_s)
-        if self._wanted is Mode.OFFBOARD:
-            self._judge_stream(now_s)
-        self._disarm_when_idle(now_s)
+    def update(self, truth: Motion, estimate: Motion, now_s: float, *, climbs: bool) -> None:
+        """Let time pass: landing detection, the end of a takeoff, fences, the offboard rules, auto-disarm.
 
-    def _arming_obstacle(self, now_s: float) -> str:
+        Args:
+            truth: how it moves; a land detector feels thrust and touch, not the estimate's error.
+            estimate: how it believes to move.
+            now_s: since power-on.
+            climbs: whether what is flown now asks for a climb.
+        """
+        if self.armed:
+            self._ramp_up(now_s, climbs=climbs)
+        self._detect_landing(truth, now_s)
+        if self.armed:
+            self._finish_takeoff(estimate, now_s)
+            self._fence(estimate, now_s)
+            if self.wanted is Mode.OFFBOARD:
+                self._judge_stream(now_s)
+            self._disarm_when_idle(now_s)
+        status = self.mode, self.wanted, self.armed, self.failsafe
+        if status != self._published or now_s - self.published_s >= _STATUS_S:
+            self._published, self.published_s = status, now_s
+
+    def _arming_obstacle(self, now_s: float) -> tuple[str, str] | None:
+        """Return why it cannot be armed, as a text and as the name of an event."""
+        waits = "Navigation error: No valid position estimate"
         obstacles = (
-            (now_s < self._ekf_ready_s, "system is not ready, waiting for the position estimate"),
-            (self.battery <= _LOW_BATTERY, "low battery"),
-            (not self.landed, "not landed"),
-            (self._wanted in _NEEDS_STICKS or self._wanted is Mode.POSCTL, "no manual control"),
-            (self._wanted is Mode.OFFBOARD and self._lost(now_s), "no offboard set-points"),
-            (self._wanted in (Mode.LAND, Mode.RTL), f"mode {self._wanted.name} is not for takeoff"),
+            (now_s < self._ekf_ready_s, waits, "check_modes_local_pos"),
+            (self.battery <= _LOW_BATTERY, "Low battery", ""),
+            (not self.landed, "not landed", ""),
+            (self.wanted in NEEDS_STICKS, "No manual control input", "check_modes_manual_control"),
+            (
+                self.wanted is Mode.OFFBOARD and self._lost(now_s),
+                "No offboard signal",
+                "check_modes_offboard_signal",
+            ),
+            (
+                self.wanted in (Mode.LAND, Mode.RTL),
+                "Mode not suitable for arming",
+                "check_modes_cannot_takeoff",
+            ),
         )
-        return next((why for stands, why in obstacles if stands), "")
+        return next(((why, event) for stands, why, event in obstacles if stands), None)
 
     def _disarm(self, why: str) -> None:
-        self.armed = False
-        self._wanted = Mode.HOLD
+        self.armed, self.lifts, self._ramp_s = False, False, None
+        self.wanted = self._after_disarming
         self._offboard.engaged = False
-        self._switch(Mode.HOLD)
+        self._switch(self.wanted)
         self._say(Severity.INFO, why)
 
     def _switch(self, mode: Mode, *, failsafe: bool = False) -> None:
@@ -177,11 +220,9 @@ class Commander:
         stream = self._offboard
         if self._lost(now_s):
             if not stream.engaged:
-                self._wanted = self.mode  # the request lapses before it took effect
+                self.wanted = self.mode  # the request lapses before it took effect
             elif not self.failsafe:
-                action = LOSS_ACTIONS[int(self._parameters["COM_OBL_RC_ACT"])]
-                self._say(Severity.CRITICAL, f"Failsafe activated: offboard signal lost, {action.name}")
-                self._switch(action, failsafe=True)
+                self._act_on_loss()
             return
         flows = now_s - stream.last_s <= _STREAM_GAP_S * self._speed
         proven = stream.engaged or (flows and now_s - stream.since_s >= _STREAM_S * self._speed)
@@ -189,34 +230,59 @@ class Commander:
             stream.engaged = True
             self._switch(Mode.OFFBOARD)
 
-    def _finish_takeoff(self, motion: Motion, now_s: float) -> None:
+    def _act_on_loss(self) -> None:
+        action = LOSS_ACTIONS[int(self._parameters["COM_OBL_RC_ACT"])]
+        name = action.name if action else "motors off"
+        self._say(
+            Severity.CRITICAL,
+            f"Failsafe activated: offboard signal lost, {name}",
+            "commander_failsafe_enter_generic",
+        )
+        if action is None:
+            self._disarm("Disarmed by failsafe")
+        else:
+            self._switch(action, failsafe=True)
+
+    def _finish_takeoff(self, estimate: Motion, now_s: float) -> None:
         """Report a takeoff finished, which switches to HOLD even if OFFBOARD took over in the meantime."""
         if self.mode is Mode.TAKEOFF and self._reached_s is None:
-            below = self.takeoff_altitude_m - motion.altitude
+            below = self.takeoff_altitude_m - estimate.altitude
             if below <= min(self._parameters["NAV_MC_ALT_RAD"], self.takeoff_altitude_m / 2):
                 self._reached_s = now_s
         if self._reached_s is not None and now_s - self._reached_s >= _TAKEOFF_SETTLE_S:
-            self._wanted = Mode.HOLD
+            self.wanted = self._after_disarming = Mode.HOLD
             self._offboard.engaged = False
             self._switch(Mode.HOLD)
 
-    def _fence(self, motion: Motion, now_s: float) -> None:
+    def _fence(self, estimate: Motion, now_s: float) -> None:
         """Hold at the geofence, where one is set (GF_ACTION 2; 3 returns)."""
         action = {2: Mode.HOLD, 3: Mode.RTL, 5: Mode.LAND}.get(int(self._parameters["GF_ACTION"]))
         across, up = self._parameters["GF_MAX_HOR_DIST"], self._parameters["GF_MAX_VER_DIST"]
-        out = 0 < across < math.hypot(motion.north, motion.east) or 0 < up < motion.altitude
-        if out and action and self._wanted not in (action, Mode.LAND, Mode.RTL):
+        out = 0 < across < math.hypot(estimate.north, estimate.east) or 0 < up < estimate.altitude
+        if out and action and self.wanted not in (action, Mode.LAND, Mode.RTL):
             self._say(Severity.CRITICAL, f"Geofence violated, {action.name}")
             self.request(action, now_s)
 
-    def _detect_landing(self, motion: Motion, now_s: float) -> None:
-        if not motion.on_gear or abs(motion.v_down) > _STILL_M_S:
-            self._still_since_s = now_s
-        if self.landed and self.armed and not motion.on_gear and motion.altitude > 0.1:
+    def _ramp_up(self, now_s: float, *, climbs: bool) -> None:
+        """Spool up, then let the thrust ramp up while something asks an armed vehicle to climb."""
+        if self.lifts or now_s - self._armed_s < self._parameters["COM_SPOOLUP_TIME"]:
+            return
+        if not climbs:
+            self._ramp_s = None
+        elif self._ramp_s is None:
+            self._ramp_s = now_s
             self.landed, self._flown = False, True
             self._say(Severity.INFO, "Takeoff detected")
-        elif not self.landed and now_s - self._still_since_s >= _LANDED_S:
-            self.landed, self._landed_s = True, now_s
+        elif now_s - self._ramp_s >= self._parameters["MPC_TKO_RAMP_T"]:
+            self.lifts = True
+
+    def _detect_landing(self, truth: Motion, now_s: float) -> None:
+        if self._ramp_s is not None and not self.lifts:
+            self._still_since_s = now_s
+        if not truth.on_gear or abs(truth.v_down) > _STILL_M_S:
+            self._still_since_s = now_s
+        if not self.landed and now_s - self._still_since_s >= self._landing_detected_s:
+            self.landed, self._landed_s, self.lifts, self._ramp_s = True, now_s, False, None
             self._say(Severity.INFO, "Landing detected")
 
     def _disarm_when_idle(self, now_s: float) -> None:
@@ -227,5 +293,5 @@ class Commander:
         if 0 < self._parameters[name] <= now_s - since_s:
             self._disarm("Disarmed by landing" if self._flown else "Disarmed by auto preflight disarming")
 
-    def _say(self, severity: Severity, text: str) -> None:
-        self.texts.append((severity, text[:50]))
+    def _say(self, severity: Severity, text: str, event: str = "") -> None:
+        self.said.append(Said(severity, text[:50], event))

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Annotated
 
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.limits import Limits
 from adatracker_deploy.schema import Range
+from adatracker_drone.protocol import numeric_address
+
+_UID = re.compile(r"[0-9a-f]{36}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,6 +25,14 @@ class Connection:
     signing_key: str = ""
     """A file of 32 secret bytes, mode 0600, that the autopilot has too: then every packet is signed, and none
     without a valid signature is listened to. Empty signs nothing. Only where `url` is UDP."""
+    peer: str = ""
+    """The one address and port that is listened and spoken to, such as 192.168.1.10:14580. Empty leaves it to
+    the first HEARTBEAT of `system_id`. Only where `url` is ``udpin://``."""
+    uid: str = ""
+    """The autopilot's own number (AUTOPILOT_VERSION, uid2), 36 hexadecimal digits: no other is flown. Empty
+    flies any."""
+    alone: bool = False
+    """Nobody else may be heard on the link: that keeps the drone from being armed, and ends a flight."""
     takeoff_altitude_m: Annotated[float, Range(1, 30)] = 2.5
     """Above the ground; velocity commands start from there."""
     min_battery: Annotated[float, Range(0, 1)] = 0.3
@@ -36,6 +48,14 @@ class Connection:
             raise UsageError(
                 f"connection: signing_key needs a udpin:// or udpout:// url, not {self.url!r}: MAVSDK, which "
                 "carries the others, signs nothing"
+            )
+        if self.peer:
+            numeric_address(self.peer)
+            if not self.url.startswith("udpin:"):
+                raise UsageError(f"connection: peer needs a udpin:// url, not {self.url!r}: it waits for one")
+        if self.uid and not _UID.fullmatch(self.uid):
+            raise UsageError(
+                f"connection: uid {self.uid!r}: expected 36 hexadecimal digits, in small letters"
             )
 
 

@@ -12,13 +12,14 @@ import time
 from pymavlink.dialects.v20 import common as mavlink
 
 from adatracker_deploy.far_end import Orders
-from adatracker_deploy.faults.catalogue import BATTERY_LOW, LINK_DROP, ROBOT_SILENT
+from adatracker_deploy.faults.catalogue import BATTERY_LOW, LINK_DROP, ROBOT_SILENT, TAKEOVER
 from adatracker_deploy.geometry import Pose
 from adatracker_deploy.platform import Twist
 from adatracker_deploy.runtime.clock import Clock
-from adatracker_drone.autopilot import COMPONENT, SYSTEM, Autopilot, velocity_of
+from adatracker_drone.autopilot import COMPONENT, NOBODY, Autopilot, Identity, velocity_of
 from adatracker_drone.body import STEP_S, DroneBody
 from adatracker_drone.packets import signing_time
+from adatracker_drone.px4 import Mode
 from adatracker_drone.settings import SitlSettings
 from adatracker_drone.telemetry import Message
 
@@ -39,15 +40,18 @@ class Wire:
     Args:
         address: that one.
         key: the secret that both ends share, with which every message is signed; None signs nothing.
+        system: the sender's system id.
     """
 
-    def __init__(self, address: tuple[str, int], key: bytes | None = None) -> None:
+    def __init__(self, address: tuple[str, int], key: bytes | None = None, system: int = 1) -> None:
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.setblocking(False)
         self.socket.connect(address)  # from then on it hears nobody else
-        self._packer = mavlink.MAVLink(None, srcSystem=SYSTEM, srcComponent=COMPONENT)
+        self._packer = mavlink.MAVLink(None, srcSystem=system, srcComponent=COMPONENT)
         self._signing = self._packer.signing
         self._signing.secret_key, self._signing.sign_outgoing = key, key is not None
+        self._to_ground_station = False
+        """A ground station's HEARTBEAT was heard: PX4 sends its texts to those alone."""
 
     def receive(self) -> list[Message]:
         """Return the decoded messages that have come in; bytes that are no message are dropped."""
@@ -61,14 +65,21 @@ class Wire:
                 parser.signing = self._signing  # with a key it raises for what is not signed with it
                 with contextlib.suppress(Exception):  # whatever a hostile datagram provokes ends with it
                     messages += parser.parse_buffer(data) or []
+        self._to_ground_station = self._to_ground_station or any(map(_is_ground_stations, messages))
         return messages
 
     def send(self, messages: list[Message]) -> None:
         """Send each message in a datagram of its own; a full or absent receiver loses it."""
         self._signing.timestamp = max(self._signing.timestamp, signing_time(time.time_ns()))
         for message in messages:
+            if message.get_type() == "STATUSTEXT" and not self._to_ground_station:
+                continue
             with contextlib.suppress(BlockingIOError, ConnectionRefusedError):
                 self.socket.send(message.pack(self._packer))
+
+
+def _is_ground_stations(message: Message) -> bool:
+    return bool(message.get_type() == "HEARTBEAT" and message.type == mavlink.MAV_TYPE_GCS)
 
 
 class FarEnd:
@@ -83,6 +94,7 @@ class FarEnd:
         *,
         key: bytes | None = None,
         orders: Orders | None = None,
+        identity: Identity = NOBODY,
     ) -> None:
         """Switch it on.
 
@@ -94,16 +106,23 @@ class FarEnd:
             key: with which all of them are signed; None signs nothing.
             orders: what shall go wrong while it runs, and who is told of it. All links but the first, which
                 are for ground stations, stay whole.
+            identity: who it is.
 
         Raises:
             UsageError: a PX4 parameter in the settings does not exist or is out of range.
         """
-        self._autopilot = Autopilot(settings, seed, speed)
+        self._autopilot = Autopilot(settings, seed, speed, identity)
         self._body = DroneBody(settings)
         self._body.reset(Pose(yaw=math.radians(settings.yaw_deg)), seed)
-        self._wires = [Wire(address, key) for address in addresses]
+        self._wires = [Wire(address, key, identity.system) for address in addresses]
         self._orders = orders or Orders()
+        self._piloted = False
         self._ticks = 0
+
+    @property
+    def source_port(self) -> int:
+        """The UDP port that the first link sends from."""
+        return int(self._wires[0].socket.getsockname()[1])
 
     def serve(self, clock: Clock, lifeline_ended: threading.Event) -> None:
         """Run until the lifeline has ended and the vehicle rests, or `LINGER_S` after that end."""
@@ -128,6 +147,7 @@ class FarEnd:
         """Hear, fly and tell, up to a time since power-on."""
         if BATTERY_LOW.name in self._orders.faults:
             self._autopilot.drain(_LOW_BATTERY)
+        self._let_the_pilot_fly(TAKEOVER.name in self._orders.faults)
         for wire in self._wires:
             cut = wire is self._wires[0] and LINK_DROP.name in self._orders.faults
             for message in wire.receive():
@@ -143,6 +163,13 @@ class FarEnd:
             self._send(self._autopilot.transmit())
         velocity = self._body.velocity
         self._orders.witness.speed(math.hypot(velocity.vx, velocity.vy))
+
+    def _let_the_pilot_fly(self, piloted: bool) -> None:
+        """Switch to position mode when the fault begins, as a pilot does with the remote control."""
+        if piloted and not self._piloted:
+            commander = self._autopilot.commander
+            commander.request(Mode.POSCTL, self._ticks * STEP_S)
+        self._piloted = piloted
 
     def _send(self, messages: list[Message]) -> None:
         mute = self._orders.faults & {LINK_DROP.name, ROBOT_SILENT.name}

@@ -1,7 +1,9 @@
-"""Who steers the drone: set-points leave only while there is consent.
+"""Who steers the drone: set-points and orders leave only while they may.
 
 Consent is given by an explicit engage. It is taken away, at once and from any thread, by a stop, by a mode
-that nobody here asked for, and when the drone is no longer heard; and it never comes back by itself.
+that nobody here asked for, when the drone is no longer heard, and when this side has been out of time itself;
+and it never comes back by itself. What still has to be ordered then (HOLD, LAND) needs the other half: that
+the drone is this side's to command. Whoever changed its mode has it.
 """
 
 from __future__ import annotations
@@ -17,14 +19,17 @@ from adatracker_drone.protocol import AltitudeHold
 if TYPE_CHECKING:
     from adatracker_deploy.runtime.clock import Clock
     from adatracker_drone.connection import Connection
-    from adatracker_drone.vehicle import Heard, Vehicle
+    from adatracker_drone.heard import Heard
+    from adatracker_drone.orders import Order
+    from adatracker_drone.vehicle import Vehicle
 
-_LONGEST_REASON = 95
+LONGEST_REASON = 95
 """As `PlatformState.stopped` promises."""
+_LONGEST_SUSPEND_S = 0.1
 
 
 class Helm:
-    """Guards one vehicle's set-points; every method returns at once."""
+    """Guards what goes to one vehicle; every method returns at once."""
 
     def __init__(self, connection: Connection, clock: Clock) -> None:
         self.engaged = False
@@ -37,27 +42,40 @@ class Helm:
         """It went because the vehicle's mode changed, and nobody here had asked for that."""
         self.ground_down_m = 0.0
         """Where the drone took off, in PX4's local frame."""
+        self.loss_s = 1.0
+        """After so long without a set-point the autopilot's own fail-safe acts (COM_OF_LOSS_T)."""
         self._connection = connection
         self._clock = clock
         self._lock = threading.RLock()
         self._consent = False
         self._expected: frozenset[str] = frozenset()
         self._altitude_hold: AltitudeHold | None = None
+        self._sent_ns = 0
+        """When the last set-point went out."""
+        self._suspended_ns = 0
+        """For how long the machine had been suspended by then."""
 
     def give_consent(self) -> None:
         """Let set-points out; forgets why they were stopped."""
         with self._lock:
             self._consent, self.stopped, self.taken_over = True, "", False
+            self._suspended_ns = self._clock.suspended_ns()
+            if not self.in_charge:
+                self._expected = frozenset()
 
     def withdraw(self, vehicle: Vehicle | None = None, reason: str = "") -> None:
-        """Let nothing out any more but a last zero, to a `vehicle` that is flown; the first reason stays."""
+        """Let nothing out any more but a last zero, to a `vehicle` that is flown; the first reason stays.
+
+        No zero goes out either when the last set-point is so old that the autopilot may be landing by its own
+        fail-safe: it would call PX4 back into OFFBOARD.
+        """
         with self._lock:
-            if vehicle is not None and self.engaged:
+            if vehicle is not None and self.engaged and not self._out_of_time():
                 with contextlib.suppress(PlatformError):  # a radio that fails must not keep consent alive
                     self._transmit(vehicle, ZERO, self._clock.now_ns())
-            self.stopped = self.stopped or reason[:_LONGEST_REASON]  # first, for who reads without the lock
+            self.stopped = self.stopped or reason[:LONGEST_REASON]  # first, for who reads without the lock
             self._consent = self.engaged = False
-            self._expected, self._altitude_hold = frozenset(), None
+            self._altitude_hold = None
 
     def take_charge(self) -> None:
         """From now on this side has to bring the drone down again.
@@ -69,19 +87,50 @@ class Helm:
             self.require_consent()
             self.in_charge = True
 
+    def release(self) -> None:
+        """Have nothing to do with the vehicle any more: it stands, or is somebody else's."""
+        with self._lock:
+            self.in_charge, self._expected = False, frozenset()
+
     def expect(self, vehicle: Vehicle, *modes: str) -> None:
-        """Take any mode but these, now or in any later HEARTBEAT, for somebody else taking over."""
+        """Take any mode but these, now or told later, for somebody else taking over."""
         with self._lock:
             self._expected = frozenset(modes)
             self.on_mode(vehicle.heard.mode)
 
     def on_mode(self, mode: str) -> None:
-        """Judge the mode that a HEARTBEAT told: one that is not expected is obeyed by letting go."""
+        """Judge a mode that the vehicle told: one that is not expected is obeyed by letting go."""
         with self._lock:
             if self._expected and mode not in self._expected:
-                self.in_charge = False
-                self.taken_over = True
-                self.withdraw(reason=f"the drone went to {mode} by its pilot or its own fail-safe")
+                self.lose(f"the drone went to {mode} by its pilot or its own fail-safe")
+
+    def lose(self, reason: str) -> None:
+        """Leave the vehicle to whoever has taken it."""
+        with self._lock:
+            self.taken_over = True
+            self.withdraw(reason=reason)
+            self.release()
+
+    def order(self, vehicle: Vehicle, order: Order, *modes: str) -> None:
+        """Give an order that leads towards flight; from now on it may bring the vehicle into `modes` too.
+
+        Raises:
+            PlatformError: consent has gone.
+        """
+        with self._lock:
+            self._require_alone(vehicle)
+            self.require_consent()
+            self._expected |= frozenset(modes)
+            vehicle.order(order)
+
+    def order_down(self, vehicle: Vehicle, order: Order, *modes: str) -> bool:
+        """Give an order that leads towards rest, without consent; False, and none, where it is not ours."""
+        with self._lock:
+            if not self.in_charge:
+                return False
+            self._expected |= frozenset(modes) if self._expected else frozenset()
+            vehicle.order(order)
+            return True
 
     def keep_alive(self, vehicle: Vehicle) -> None:
         """Send a zero set-point while engaging.
@@ -90,6 +139,7 @@ class Helm:
             PlatformError: consent has gone.
         """
         with self._lock:
+            self._require_alone(vehicle)
             self.require_consent()
             self._transmit(vehicle, ZERO, self._clock.now_ns())
 
@@ -108,20 +158,26 @@ class Helm:
         with self._lock:
             self.expect(vehicle, "OFFBOARD")
             self.require_consent()
+            self._sent_ns = self._clock.now_ns()
             self.engaged = True
 
     def steer(self, vehicle: Vehicle, command: Twist, now_ns: int) -> Twist:
         """Send one command with the altitude hold's climb rate added; return what was sent.
 
         Raises:
-            PlatformError: not engaged, or nothing was heard of the drone's position for too long.
+            PlatformError: not engaged, nothing was heard of the drone's position for too long, this side has
+                been silent or suspended itself, or somebody else is heard where nobody may be.
         """
         with self._lock:
             if not self.engaged:
                 raise PlatformError(f"not engaged: {self.stopped or 'engage first'}")
-            silent_s = (now_ns - vehicle.heard.position_t_ns) / 1e9 / self._clock.speed
+            silent_s = self._seconds_since(vehicle.heard.position_t_ns, now_ns)
             if silent_s > self._connection.telemetry_timeout_s:
                 self.withdraw(reason=f"no position from the drone for {silent_s:.1f} s")
+            elif why := self._out_of_time():
+                self.withdraw(reason=why)
+            self._require_alone(vehicle)
+            if not self.engaged:
                 raise PlatformError(f"stopped: {self.stopped}")
             return self._transmit(vehicle, command, now_ns)
 
@@ -131,8 +187,33 @@ class Helm:
 
     def require_consent(self) -> None:
         """Do nothing, or raise PlatformError when consent has gone."""
-        if not self._consent:
-            raise PlatformError(f"engaging was stopped: {self.stopped or 'disengage or close was asked for'}")
+        with self._lock:
+            if self._consent and (slept := self._suspended()):
+                self.withdraw(reason=slept)
+            if not self._consent:
+                raise PlatformError(
+                    f"engaging was stopped: {self.stopped or 'disengage or close was asked for'}"
+                )
+
+    def _require_alone(self, vehicle: Vehicle) -> None:
+        """Withdraw consent where somebody else is heard and nobody may be."""
+        if self._connection.alone and vehicle.strangers:
+            self.withdraw(vehicle, f"somebody else talks on the link: {vehicle.ignored}")
+
+    def _out_of_time(self) -> str:
+        """Say why what this side would send is too old to follow what it sent last; empty where it is not."""
+        silent_s = self._seconds_since(self._sent_ns, self._clock.now_ns())
+        if silent_s > self.loss_s / 2:
+            return f"no set-point went out for {silent_s:.1f} s: the autopilot's own fail-safe acts"
+        return self._suspended()
+
+    def _suspended(self) -> str:
+        slept_s = (self._clock.suspended_ns() - self._suspended_ns) / 1e9
+        return f"this machine was suspended for {slept_s:.1f} s" if slept_s > _LONGEST_SUSPEND_S else ""
+
+    def _seconds_since(self, t_ns: int, now_ns: int) -> float:
+        """Return the machine's seconds from one time of the run's clock to another."""
+        return (now_ns - t_ns) / 1e9 / self._clock.speed
 
     def _transmit(self, vehicle: Vehicle, command: Twist, now_ns: int) -> Twist:
         if self._altitude_hold is not None:
@@ -140,4 +221,5 @@ class Helm:
             self._altitude_hold, climb = self._altitude_hold.step(command.vz, altitude_m, now_ns)
             command = Twist(command.vx, command.vy, climb, command.yaw_rate)
         vehicle.send_velocity(command, now_ns)
+        self._sent_ns = self._clock.now_ns()
         return command

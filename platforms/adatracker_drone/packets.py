@@ -16,8 +16,8 @@ SIGNATURE_BYTES = 13
 TICK_NS = 10_000
 """Of a signature's time, which counts from the start of 2015, UTC."""
 EPOCH_2015_NS = 1_420_070_400_000_000_000
-HEARTBEAT = 0
-"""Message id."""
+HEARTBEAT, EVENT, CURRENT_MODE = 0, 410, 436
+"""Message ids."""
 
 HEARD = {
     0: 50,  # HEARTBEAT
@@ -40,6 +40,8 @@ HEARD = {
     245: 130,  # EXTENDED_SYS_STATE
     253: 83,  # STATUSTEXT
     331: 91,  # ODOMETRY
+    EVENT: 160,
+    CURRENT_MODE: 193,
 }
 """The messages that this side listens to, and the CRC_EXTRA of each (common.xml)."""
 

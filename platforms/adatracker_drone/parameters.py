@@ -1,6 +1,6 @@
 """PX4's parameters: a table of those that matter here, their values, and how they travel in MAVLink.
 
-Types, defaults and ranges are from the parameter reference of PX4 v1.15.
+Types, defaults and ranges are from the parameter reference of PX4 v1.16.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def _int(default: int, low: int, high: int) -> Parameter:
 PARAMETERS: dict[str, Parameter] = {
     "COM_DISARM_LAND": _real(2.0, -1, 20),
     "COM_DISARM_PRFLT": _real(10.0, -1, 30),
-    "COM_OBL_RC_ACT": _int(0, 0, 5),
+    "COM_OBL_RC_ACT": _int(0, 0, 7),
     "COM_OF_LOSS_T": _real(1.0, 0, 60),
     "COM_RC_IN_MODE": _int(3, 0, 4),
     "COM_RC_OVERRIDE": _int(1, 0, 3),
@@ -58,6 +58,7 @@ PARAMETERS: dict[str, Parameter] = {
     "MC_YAWRATE_MAX": _real(200.0, 0, 1800),
     "MIS_TAKEOFF_ALT": _real(2.5, 0, 80),
     "MPC_LAND_SPEED": _real(0.7, 0.6, 10),
+    "MPC_TKO_RAMP_T": _real(3.0, 0, 5),
     "MPC_TKO_SPEED": _real(1.5, 1, 5),
     "MPC_XY_CRUISE": _real(5.0, 3, 20),
     "MPC_XY_VEL_MAX": _real(12.0, 0, 20),

@@ -12,39 +12,32 @@ from typing import TYPE_CHECKING
 
 from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.platform import Body, Check, Platform, PlatformState, Sitl, Twist
+from adatracker_deploy.runtime.ownership import Claim
 from adatracker_drone.connection import Connection, altitude_band
+from adatracker_drone.dialogue import TICK_NS, Dialogue
 from adatracker_drone.frames import NedPose
+from adatracker_drone.heard import Heard, Landed
 from adatracker_drone.helm import Helm
+from adatracker_drone.manoeuvres import LANDING_MODES, PROOF_OF_LIFE_S, Manoeuvres
+from adatracker_drone.orders import HOLD
 from adatracker_drone.preflight import (
     Parameters,
     envelope_checks,
     failsafe_checks,
     health_checks,
     link_checks,
+    mode_checks,
 )
 from adatracker_drone.protocol import body_velocity
 from adatracker_drone.settings import SitlSettings
-from adatracker_drone.vehicle import Heard, Vehicle
+from adatracker_drone.vehicle import Vehicle
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from adatracker_deploy.profile import Profile
     from adatracker_deploy.runtime.clock import Clock
 
-_TICK_NS = 50_000_000
-"""Set-points while engaging: 20 Hz, where PX4 wants more than 2 Hz."""
-_PROOF_OF_LIFE_S = 1.2
-"""PX4 wants set-points for 1 s before it switches to OFFBOARD."""
-_SWITCH_TIMEOUT_S = 2.5
-"""HEARTBEAT tells of a new mode up to 1 s late; one may be lost on the way."""
-_SETTLE_S = 0.3
-"""A HEARTBEAT so soon after an acknowledged command may still tell the mode before it."""
-_REACHED = 0.8
-"""The part of the take-off altitude above which a HOLD means that the climb is over."""
-_CLIMB_TIMEOUT_S = 30.0
-_LANDING_TIMEOUT_S = 60.0
-_LANDING_MODES = ("LAND", "RETURN_TO_LAUNCH")
+_LIFTED_M = 0.2
+"""A drone that counts as taking off is reported to stand up to this height."""
 
 
 class DronePlatform(Platform):
@@ -64,7 +57,8 @@ class DronePlatform(Platform):
         super().__init__(profile, clock)
         self._connection: Connection = profile.connection
         self._helm = Helm(self._connection, clock)
-        self._vehicle: Vehicle | None = None
+        self._flight: Manoeuvres | None = None
+        self._claim: Claim | None = None
         self._turn = threading.Lock()
         self._closing = False
 
@@ -73,35 +67,76 @@ class DronePlatform(Platform):
 
         Raises:
             UsageError: the URL is malformed, its port is taken, or the altitude band does not fit.
-            PlatformError: no autopilot is heard within `connect_timeout_s`.
+            PlatformError: another program on this machine drives it, no autopilot is heard within
+                `connect_timeout_s`, or it is not the one of `uid`.
         """
         with self._turn:
-            if self._vehicle is not None:
+            if self._flight is not None:
                 return
             altitude_band(self._connection, self.profile.limits)
-            vehicle = Vehicle(self._connection, self.clock, self._helm.on_mode)
-            deadline_ns = self._deadline_ns(self._connection.connect_timeout_s)
-            while not vehicle.discover():
-                now_ns = self.clock.now_ns()
-                if self._closing or now_ns > deadline_ns:
-                    ignored = f" ({vehicle.ignored})" if vehicle.ignored else ""
-                    vehicle.close()
-                    raise PlatformError(
-                        f"no autopilot with system id {self._connection.system_id} heard on "
-                        f"{self._connection.url} within {self._connection.connect_timeout_s:g} s{ignored}: "
-                        "power it, and let it send MAVLink there"
-                    )
-                self.clock.sleep_until(now_ns + _TICK_NS)
-            self._vehicle = vehicle
+            with contextlib.ExitStack() as undo:
+                claim = Claim(f"mavlink:{self._connection.url}:{self._connection.system_id}")
+                undo.callback(claim.close)
+                vehicle = Vehicle(self._connection, self.clock, self._helm.on_mode)
+                undo.callback(vehicle.close)
+                talk = Dialogue(vehicle, self._helm, self.clock)
+                self._discover(talk)
+                undo.pop_all()
+            self._claim = claim
+            self._flight = Manoeuvres(talk, self._helm, self.clock, self._connection, self.profile.limits)
+
+    def _discover(self, talk: Dialogue) -> None:
+        """Wait for the autopilot, and make sure that it is the right one."""
+        vehicle = talk.vehicle
+        wanted, timeout_s = self._connection.uid, self._connection.connect_timeout_s
+        deadline_ns = talk.deadline_ns(timeout_s)
+        found = False
+        while not (found := found or vehicle.discover()) or (wanted and not vehicle.heard.uid):
+            now_ns = self.clock.now_ns()
+            if self._closing or now_ns > deadline_ns:
+                ignored = f" ({vehicle.ignored})" if vehicle.ignored else ""
+                raise PlatformError(
+                    f"no autopilot with system id {self._connection.system_id} heard on "
+                    f"{self._connection.url} within {timeout_s:g} s{ignored}: "
+                    + ("it does not tell its uid" if found else "power it, and let it send MAVLink there")
+                )
+            self.clock.sleep_until(now_ns + TICK_NS)
+        if wanted and vehicle.heard.uid != wanted:
+            raise PlatformError(
+                f"the autopilot on {self._connection.url} has the uid {vehicle.heard.uid}, not {wanted} "
+                "(connection: uid): it is another one, and is left alone"
+            )
 
     def preflight(self) -> tuple[Check, ...]:
-        """Wait until the drone is ready, `ready_timeout_s` at most; then judge it and its fail-safes."""
+        """Wait until the drone is ready, `ready_timeout_s` at most; then judge it and its fail-safes.
+
+        One that stands disarmed in OFFBOARD, as PX4 leaves it after its fail-safe has landed it, is put into
+        HOLD first: it would not arm.
+        """
         with self._turn:
-            vehicle = self._connected()
-            self._wait(vehicle, _is_ready, self._connection.ready_timeout_s, self._refuse_when_closing)
+            flight = self._connected()
+            vehicle = flight.vehicle
+            left = flight.leave_offboard()
+            timeout_s = self._connection.ready_timeout_s
+            flight.talk.wait(lambda: _is_ready(vehicle.heard), timeout_s, self._refuse_when_closing)
             heard, parameters = vehicle.heard, Parameters.read(vehicle.parameter)
+            if parameters.COM_OF_LOSS_T:
+                self._helm.loss_s = parameters.COM_OF_LOSS_T
+            if parameters.NAV_MC_ALT_RAD is not None:
+                flight.acceptance_m = parameters.NAV_MC_ALT_RAD
             return (
-                *link_checks(self._connection.url, self._connection.signing_key, vehicle.ignored),
+                *link_checks(
+                    self._connection.url,
+                    self._connection.signing_key,
+                    vehicle.ignored,
+                    blocking=self._connection.alone and vehicle.strangers > 0,
+                ),
+                *mode_checks(
+                    heard.mode,
+                    armable=heard.armable,
+                    left_offboard=left,
+                    tells_current_mode=heard.tells_current_mode,
+                ),
                 *health_checks(
                     unhealthy=heard.unhealthy,
                     armable=heard.armable,
@@ -121,17 +156,17 @@ class DronePlatform(Platform):
                 called `hold`, `disengage` or `close` meanwhile. One that flies by then is theirs to land.
         """
         with self._turn:
-            vehicle = self._connected()
+            flight = self._connected()
             if self._helm.engaged:
                 return
             self._helm.give_consent()
-            proven_ns = self._deadline_ns(_PROOF_OF_LIFE_S)
+            proven_ns = flight.talk.deadline_ns(PROOF_OF_LIFE_S)
             try:
-                if vehicle.heard.landed is False:
-                    self._find_holding(vehicle)
+                if flight.vehicle.heard.in_air:
+                    flight.find_holding()
                 else:
-                    self._climb(vehicle)
-                self._enter_offboard(vehicle, proven_ns)
+                    flight.climb()
+                flight.enter_offboard(proven_ns)
             except PlatformError as error:
                 self._helm.withdraw(reason=str(error))
                 raise
@@ -144,12 +179,12 @@ class DronePlatform(Platform):
         """
         if not command.is_finite():
             raise PlatformError(f"refused to send {command}: not finite")
-        return self._helm.steer(self._connected(), command, now_ns)
+        return self._helm.steer(self._connected().vehicle, command, now_ns)
 
     def state(self) -> PlatformState:
         """Return what telemetry said last; the pose is east-north-up, its z from where the drone took off."""
-        vehicle = self._vehicle
-        heard = vehicle.heard if vehicle is not None else Heard()
+        flight = self._flight
+        heard = flight.vehicle.heard if flight is not None else Heard()
         pose = velocity = None
         if heard.position_ned_m and heard.velocity_ned_m_s and heard.euler_frd_rad:
             north, east, down = heard.position_ned_m
@@ -160,7 +195,7 @@ class DronePlatform(Platform):
             t_ns=max(heard.position_t_ns, heard.attitude_t_ns),
             mode=heard.mode,
             engaged=self._helm.engaged,
-            landed=heard.landed is not False,
+            landed=not heard.in_air or self._stands(heard),
             pose=pose,
             velocity=velocity,
             battery=heard.battery,
@@ -170,55 +205,63 @@ class DronePlatform(Platform):
 
     def notices(self) -> tuple[str, ...]:
         """Return what the link ignored because it did not come from the autopilot."""
-        vehicle = self._vehicle
-        return vehicle.take_notices() if vehicle is not None else ()
+        flight = self._flight
+        return flight.vehicle.take_notices() if flight is not None else ()
 
     def hold(self, reason: str) -> None:
-        """Command zero once, then HOLD; no set-point follows until an explicit `engage`."""
-        self._helm.withdraw(self._vehicle, reason)
+        """Command zero once, then HOLD; no set-point follows until an explicit `engage`.
+
+        A drone that is armed and has not left the ground yet is told to land instead.
+
+        Raises:
+            PlatformError: HOLD was not acknowledged, or the autopilot does not tell whose the drone is.
+        """
+        self._withdraw(reason)
         with self._turn:
-            if self._vehicle is not None and self._helm.in_charge:
-                self._vehicle.hold()
+            flight = self._flight
+            if flight is None or not self._helm.in_charge:
+                return
+            if flight.near_ground:
+                flight.land()
+            else:
+                flight.talk.order_down(HOLD, "HOLD")
 
     def disengage(self) -> None:
         """Land, and return once the drone stands disarmed; at once if it never left the ground.
 
         Raises:
-            PlatformError: LAND was not acknowledged, or the drone did not land and disarm within 60 s.
+            PlatformError: LAND was not acknowledged, the autopilot does not tell whose the drone is, or it
+                did not land and disarm within 60 s.
         """
-        self._helm.withdraw(self._vehicle)
+        self._withdraw()
         with self._turn:
-            vehicle = self._vehicle
-            if vehicle is None:
+            flight = self._flight
+            if flight is None:
                 return
             asked_ns = self.clock.now_ns()
-            if self._helm.in_charge:
-                vehicle.land()
-            elif vehicle.heard.landed is not False or vehicle.heard.mode not in _LANDING_MODES:
+            ours = self._helm.in_charge and flight.land()
+            heard = flight.vehicle.heard
+            if not ours and (not heard.in_air or heard.mode not in LANDING_MODES):
                 return
-
-            def down(heard: Heard) -> bool:
-                return heard.armed_t_ns > asked_ns and not heard.armed and heard.landed is True
-
-            if not self._wait(vehicle, down, _LANDING_TIMEOUT_S, self._refuse_when_closing):
-                raise PlatformError(
-                    f"not landed and disarmed {_LANDING_TIMEOUT_S:g} s after LAND: "
-                    "take over with the remote control, land and disarm by hand"
-                )
-            self._helm.in_charge = False
+            flight.await_rest(asked_ns, self._refuse_when_closing)
+            if self._helm.in_charge:
+                flight.leave_offboard()
+                self._helm.release()
 
     def close(self) -> None:
         """Release the connection; a drone that was left flying is told to land first."""
-        self._helm.withdraw(self._vehicle)
+        self._withdraw()
         self._closing = True
         with self._turn:
-            vehicle, self._vehicle = self._vehicle, None
-            if vehicle is not None:
+            flight, self._flight = self._flight, None
+            if flight is not None:
                 if self._helm.in_charge:
                     with contextlib.suppress(PlatformError):  # the autopilot's fail-safe is the last resort
-                        vehicle.land()
-                    self._helm.in_charge = False
-                vehicle.close()
+                        flight.land()
+                    self._helm.release()
+                flight.vehicle.close()
+            if self._claim is not None:
+                self._claim.close()
             self._closing = False
 
     @classmethod
@@ -235,107 +278,24 @@ class DronePlatform(Platform):
 
         return DroneSitl(profile)
 
-    def _find_holding(self, vehicle: Vehicle) -> None:
-        """Make sure that a flying drone hovers; silently: set-points would revive a lost OFFBOARD."""
-        if not self._wait(
-            vehicle, lambda heard: heard.mode == "HOLD", _SWITCH_TIMEOUT_S, self._helm.require_consent
-        ):
-            raise PlatformError("the drone flies and is not in HOLD: switch it to Hold, or land it, first")
+    def _withdraw(self, reason: str = "") -> None:
+        flight = self._flight
+        self._helm.withdraw(flight.vehicle if flight is not None else None, reason)
 
-    def _climb(self, vehicle: Vehicle) -> None:
-        """Arm and take off; return when the autopilot has ended its take-off by going to HOLD."""
-        self._demand(
-            vehicle,
-            lambda heard: heard.armable and heard.landed is True and heard.position_ned_m is not None,
-            self._connection.ready_timeout_s,
-            "the autopilot is not ready to arm: the preflight says why",
-        )
-        if vehicle.heard.position_ned_m is not None:
-            self._helm.ground_down_m = vehicle.heard.position_ned_m[2]
-        self._helm.take_charge()
-        vehicle.arm()
-        self._helm.keep_alive(vehicle)
-        vehicle.take_off(self._connection.takeoff_altitude_m)
-        settled_ns = self._deadline_ns(_SETTLE_S)
-        self._demand(
-            vehicle,
-            lambda heard: heard.mode_t_ns > settled_ns,
-            _SWITCH_TIMEOUT_S,
-            "no HEARTBEAT after take-off",
-        )
-        self._helm.expect(vehicle, "TAKEOFF", "HOLD")
-        reached_m = _REACHED * self._connection.takeoff_altitude_m
-        self._demand(
-            vehicle,
-            lambda heard: heard.mode == "HOLD" and self._helm.altitude_m(heard) > reached_m,
-            _CLIMB_TIMEOUT_S,
-            f"the drone did not climb to {self._connection.takeoff_altitude_m:g} m and hold there",
-        )
+    def _stands(self, heard: Heard) -> bool:
+        """Tell whether a drone that counts as taking off is where it stood: its thrust only ramps up."""
+        return heard.landed is Landed.TAKING_OFF and self._helm.altitude_m(heard) < _LIFTED_M
 
-    def _enter_offboard(self, vehicle: Vehicle, proven_ns: int) -> None:
-        """Switch from HOLD, and only from HOLD: a take-off that ends would undo an earlier switch.
-
-        Args:
-            vehicle: in HOLD, in the air.
-            proven_ns: when set-points will have gone out for long enough.
-        """
-        self._helm.expect(vehicle, "HOLD", "OFFBOARD")
-        while self.clock.now_ns() < proven_ns:
-            self._helm.keep_alive(vehicle)
-            self.clock.sleep_until(self.clock.now_ns() + _TICK_NS)
-        self._helm.take_charge()
-        self._helm.hold_altitude(vehicle, altitude_band(self._connection, self.profile.limits))
-        for _ in range(2):
-            vehicle.switch_to_offboard()
-            if self._wait(
-                vehicle,
-                lambda heard: heard.mode == "OFFBOARD",
-                _SWITCH_TIMEOUT_S,
-                lambda: self._helm.keep_alive(vehicle),
-            ):
-                self._helm.engage(vehicle)
-                return
-        why = vehicle.heard.complaint or "it gave no reason"
-        raise PlatformError(f"the autopilot did not go to OFFBOARD: {why}")
-
-    def _connected(self) -> Vehicle:
-        if self._vehicle is None:
+    def _connected(self) -> Manoeuvres:
+        if self._flight is None:
             raise PlatformError("the drone is not connected: connect first")
-        return self._vehicle
+        return self._flight
 
     def _refuse_when_closing(self) -> None:
         if self._closing:
             raise PlatformError("the connection is being closed")
 
-    def _demand(
-        self, vehicle: Vehicle, condition: Callable[[Heard], bool], timeout_s: float, failure: str
-    ) -> None:
-        """Wait while there is consent, with set-points going out; fail when `condition` is not met."""
-        if not self._wait(vehicle, condition, timeout_s, lambda: self._helm.keep_alive(vehicle)):
-            raise PlatformError(failure)
-
-    def _wait(
-        self,
-        vehicle: Vehicle,
-        condition: Callable[[Heard], bool],
-        timeout_s: float,
-        meanwhile: Callable[[], None],
-    ) -> bool:
-        """Do something at 20 Hz until telemetry meets `condition`; return whether it did in time."""
-        deadline_ns = self._deadline_ns(timeout_s)
-        while not condition(vehicle.heard):
-            meanwhile()
-            now_ns = self.clock.now_ns()
-            if now_ns > deadline_ns:
-                return False
-            self.clock.sleep_until(now_ns + _TICK_NS)
-        return True
-
-    def _deadline_ns(self, timeout_s: float) -> int:
-        """Count in the machine's time: MAVSDK and the radio run no faster in a fast rehearsal."""
-        return self.clock.now_ns() + round(timeout_s * self.clock.speed * 1e9)
-
 
 def _is_ready(heard: Heard) -> bool:
-    heard_of = heard.position_ned_m and heard.euler_frd_rad and heard.landed is not None
+    heard_of = heard.position_ned_m and heard.euler_frd_rad and heard.landed is not Landed.UNKNOWN
     return bool(heard_of and heard.armable and not heard.unhealthy and heard.battery is not None)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 LOSS_ACTIONS = {
     0: "position mode",
     1: "altitude mode",
-    2: "manual",
+    2: "stabilized mode",
     3: "return",
     4: "land",
     5: "hold",
@@ -26,6 +26,8 @@ SAFE_LOSS_ACTIONS = (4, 5)
 """Those that need no pilot, no clear way home and no luck."""
 LONGEST_LOSS_S = 1.0
 """PX4's default of COM_OF_LOSS_T."""
+_STOPPING_FENCE_ACTIONS = (2, 3, 4, 5)
+"""PX4's GF_ACTION: hold, return, terminate, land; 0 does nothing, 1 warns."""
 _OVERRIDE_IN_OFFBOARD = 2
 """Bit of COM_RC_OVERRIDE: the pilot's sticks end OFFBOARD."""
 
@@ -37,18 +39,20 @@ class Parameters:
     COM_OF_LOSS_T: float | None = None
     COM_OBL_RC_ACT: float | None = None
     COM_RC_OVERRIDE: float | None = None
+    GF_ACTION: float | None = None
     GF_MAX_HOR_DIST: float | None = None
     GF_MAX_VER_DIST: float | None = None
     MPC_XY_VEL_MAX: float | None = None
     MPC_Z_VEL_MAX_UP: float | None = None
     MPC_Z_VEL_MAX_DN: float | None = None
+    NAV_MC_ALT_RAD: float | None = None
     MC_YAWRATE_MAX: float | None = None
     """deg/s."""
 
     @classmethod
     def read(cls, parameter: Callable[[str, type[int] | type[float]], float | None]) -> Parameters:
         """Ask for each by its name and PX4's type."""
-        whole = {"COM_OBL_RC_ACT", "COM_RC_OVERRIDE"}
+        whole = {"COM_OBL_RC_ACT", "COM_RC_OVERRIDE", "GF_ACTION"}
         return cls(
             **{
                 field.name: parameter(field.name, int if field.name in whole else float)
@@ -57,13 +61,14 @@ class Parameters:
         )
 
 
-def link_checks(url: str, signing_key: str, ignored: str) -> tuple[Check, ...]:
+def link_checks(url: str, signing_key: str, ignored: str, *, blocking: bool = False) -> tuple[Check, ...]:
     """Judge who else could talk to this side: warnings, for only who runs the network can know.
 
     Args:
         url: of the connection, checked.
         signing_key: of the connection.
         ignored: what has come and was not listened to, in words.
+        blocking: somebody else was heard where nobody may be.
     """
     doubts = (
         (bool(ignored), f"somebody else talks on it; {ignored}"),
@@ -78,12 +83,45 @@ def link_checks(url: str, signing_key: str, ignored: str) -> tuple[Check, ...]:
     )
     doubt = "; ".join(why for stands, why in doubts if stands)
     sound = "signed" if signing_key else "this machine's own, or a cable's"
-    return (Check("link", not doubt, doubt or sound, blocking=False),)
+    return (Check("link", not doubt, doubt or sound, blocking=blocking),)
 
 
 def _is_private(url: str) -> bool:
     """Tell whether a URL is the loopback's, or a serial cable's."""
     return url.startswith("serial") or url.partition("://")[2].startswith("127.")
+
+
+def mode_checks(
+    mode: str, *, armable: bool, left_offboard: bool, tells_current_mode: bool
+) -> tuple[Check, ...]:
+    """Judge the mode that the drone stands in, and how soon a pilot's change of it is known.
+
+    Args:
+        mode: as it was told last.
+        armable: whether the autopilot would arm in it.
+        left_offboard: whether it stood in OFFBOARD and was put into HOLD just now.
+        tells_current_mode: whether it tells CURRENT_MODE.
+    """
+    found = "it stood in OFFBOARD, where PX4 does not arm, and was put into HOLD" if left_offboard else mode
+    stuck = mode != "HOLD" and not armable
+    return (
+        Check(
+            "mode",
+            not stuck,
+            f"the autopilot does not arm in {mode or 'an unknown mode'}: switch it to Hold"
+            if stuck
+            else found,
+        ),
+        Check(
+            "takeover",
+            tells_current_mode,
+            "a pilot's change of mode is known at once (CURRENT_MODE)"
+            if tells_current_mode
+            else "this autopilot tells its mode once a second (no CURRENT_MODE, which PX4 has from 1.15 on): "
+            "a pilot's change of mode is noticed up to 1 s late",
+            blocking=False,
+        ),
+    )
 
 
 def failsafe_checks(parameters: Parameters) -> tuple[Check, ...]:
@@ -132,6 +170,9 @@ def envelope_checks(parameters: Parameters, limits: Limits) -> tuple[Check, ...]
     top = parameters.GF_MAX_VER_DIST
     if off:
         message = f"{' and '.join(off)} are 0 (off): set a fence that fits the field"
+    elif parameters.GF_ACTION is None or int(parameters.GF_ACTION) not in _STOPPING_FENCE_ACTIONS:
+        action = "unknown" if parameters.GF_ACTION is None else f"{parameters.GF_ACTION:g}"
+        message = f"GF_ACTION is {action}: nothing happens at the fence; set it to 2 (hold) or 5 (land)"
     elif top is not None and limits.altitude_m is not None and top < limits.altitude_m[1]:
         message = (
             f"GF_MAX_VER_DIST is {top:g} m, below the top of limits: altitude_m {limits.altitude_m[1]:g}"

@@ -1,4 +1,4 @@
-"""What goes over the drone's wire, as functions of values: set-points, mode switches, altitude hold.
+"""What goes over the drone's wire, as functions of values: addresses, set-points, altitude hold.
 
 It does no I/O and takes time as an argument. Poses are turned by `frames`, velocities here.
 """
@@ -21,17 +21,6 @@ _FRAME_BODY_NED = 8
 """MAV_FRAME_BODY_NED; PX4 rotates such a velocity by the yaw alone, so it stays level in a tilted vehicle."""
 _VELOCITY_AND_YAW_RATE = 1479
 """POSITION_TARGET_TYPEMASK: ignore position (7), acceleration (448) and yaw (1024)."""
-_DO_SET_MODE = 176
-"""MAV_CMD_DO_SET_MODE."""
-_ARMED_CUSTOM_MODE = 129
-"""MAV_MODE_FLAG_SAFETY_ARMED | MAV_MODE_FLAG_CUSTOM_MODE_ENABLED."""
-_SET_MESSAGE_INTERVAL = 511
-"""MAV_CMD_SET_MESSAGE_INTERVAL."""
-_HEARTBEAT = 0
-"""Message id."""
-_PX4_OFFBOARD = 6
-"""PX4_CUSTOM_MAIN_MODE_OFFBOARD."""
-
 FASTEST_M_S = 100.0
 """Nothing above this is a command: it would overflow or lose its meaning in the message's float32."""
 
@@ -63,6 +52,23 @@ def check_url(url: str) -> tuple[str, int] | None:
             f"connection.url {url!r} is not an address that MAVSDK takes: use for example {_URL_FORMS}"
         ) from None
     return (address, int(match[3])) if match[1] == "udpin" else None
+
+
+def numeric_address(text: str) -> tuple[str, int]:
+    """Return the address and port that a text such as ``192.168.1.10:14580`` names.
+
+    Raises:
+        UsageError: it names none.
+    """
+    host, _, port = text.rpartition(":")
+    try:
+        if not (port.isdecimal() and 0 < int(port) < 2**16):
+            raise ValueError
+        return str(ipaddress.IPv4Address(host)), int(port)
+    except ValueError:
+        raise UsageError(
+            f"connection.peer {text!r} is not an address and a port: use for example 192.168.1.10:14580"
+        ) from None
 
 
 def dialled(url: str) -> tuple[str, int] | None:
@@ -100,31 +106,6 @@ def set_point_json(command: Twist, now_ns: int, autopilot: tuple[int, int] = AUT
             "yaw_rate": -command.yaw_rate,
         },
         allow_nan=False,
-    )
-
-
-def offboard_json(autopilot: tuple[int, int] = AUTOPILOT) -> str:
-    """Return the JSON fields of the COMMAND_LONG that switches PX4 to OFFBOARD."""
-    return _command_json(_DO_SET_MODE, _ARMED_CUSTOM_MODE, _PX4_OFFBOARD, autopilot)
-
-
-def heartbeat_rate_json(rate_hz: float, autopilot: tuple[int, int] = AUTOPILOT) -> str:
-    """Return the JSON fields of the COMMAND_LONG that asks for HEARTBEAT at a rate; PX4's own is 1 Hz."""
-    return _command_json(_SET_MESSAGE_INTERVAL, _HEARTBEAT, 1e6 / rate_hz, autopilot)
-
-
-def _command_json(command: int, param1: float, param2: float, autopilot: tuple[int, int]) -> str:
-    system, component = autopilot
-    return json.dumps(
-        {
-            "target_system": system,
-            "target_component": component,
-            "command": command,
-            "confirmation": 0,
-            "param1": param1,
-            "param2": param2,
-            **{f"param{n}": 0 for n in range(3, 8)},
-        }
     )
 
 

@@ -1,6 +1,6 @@
 """PX4's flight modes, and how a command can be answered.
 
-From PX4 v1.15 (`px4_custom_mode.h`, Commander) and MAVLink's common.xml.
+From PX4 v1.16 (`px4_custom_mode.h`, Commander) and MAVLink's common.xml.
 """
 
 from __future__ import annotations
@@ -12,12 +12,14 @@ class Mode(enum.Enum):
     """A flight mode: PX4's custom main mode and sub mode."""
 
     MANUAL = (1, 0)
+    ALTCTL = (2, 0)
     POSCTL = (3, 0)
     TAKEOFF = (4, 2)
     HOLD = (4, 3)
     RTL = (4, 5)
     LAND = (4, 6)
     OFFBOARD = (6, 0)
+    STABILIZED = (7, 0)
 
     @property
     def custom_mode(self) -> int:
@@ -45,6 +47,7 @@ class Result(enum.IntEnum):
     """TEMPORARILY_REJECTED: what PX4 answers when an arming check or a mode's requirement fails."""
     DENIED = 2
     UNSUPPORTED = 3
+    FAILED = 4
 
 
 class Landed(enum.IntEnum):
@@ -64,5 +67,18 @@ class Severity(enum.IntEnum):
     INFO = 6
 
 
-LOSS_ACTIONS = {0: Mode.POSCTL, 1: Mode.POSCTL, 2: Mode.POSCTL, 3: Mode.RTL, 4: Mode.LAND, 5: Mode.HOLD}
-"""COM_OBL_RC_ACT: 0 position, 1 altitude and 2 manual mode are one here, for nobody holds the sticks."""
+LOSS_ACTIONS = {
+    0: Mode.POSCTL,
+    1: Mode.ALTCTL,
+    2: Mode.STABILIZED,
+    3: Mode.RTL,
+    4: Mode.LAND,
+    5: Mode.HOLD,
+    6: None,
+    7: None,
+}
+"""COM_OBL_RC_ACT (PX4 v1.16); None stops the motors: 6 terminates the flight, 7 disarms."""
+NEEDS_STICKS = frozenset({Mode.MANUAL, Mode.ALTCTL, Mode.POSCTL, Mode.STABILIZED})
+"""Nobody holds any here: armed it enters none but POSCTL, in which it then stays where it is."""
+TRANSIENT = frozenset({Mode.TAKEOFF, Mode.LAND, Mode.RTL})
+"""They end with the flight: disarmed, the vehicle is in the mode that was asked for before them."""

@@ -23,12 +23,21 @@ class SitlSettings:
     """Standard deviation, per axis, of the wind about its mean."""
     velocity_bias_m_s: Annotated[float, Range(0, 0.3)] = 0.1
     """Constant error of the velocity estimate: each axis draws half to all of this, with either sign."""
+    velocity_wander_m_s: Annotated[float, Range(0, 0.5)] = 0.12
+    """Standard deviation of what comes and goes of that error within some seconds, per axis; with the bias it
+    is about 0.2 m/s rms, and at most 0.8 m/s. A real PX4 has 0.1 to 0.4 m/s rms."""
+    height_drift_m: Annotated[float, Range(0, 0.5)] = 0.3
+    """Standard deviation of the height estimate's slow drift, which is at most 0.7 m."""
     velocity_noise_m_s: Annotated[float, Range(0, 0.5)] = 0.02
     """Standard deviation of the velocity estimate's white noise, per axis."""
     position_noise_m: Annotated[float, Range(0, 1)] = 0.02
     """Standard deviation of the position estimate's white noise, per axis."""
     ekf_ready_s: Annotated[float, Range(0, 30)] = 0.8
     """From power-on until the estimator lets the vehicle arm."""
+    landing_detected_s: Annotated[float, Range(0.3, 10)] = 3.0
+    """From touching the ground until the land detector tells of it: 1.3 to 5.6 s on a real PX4."""
+    tells_current_mode: bool = True
+    """CURRENT_MODE, as PX4 has it since 1.15; an older one tells its mode by HEARTBEAT alone, at 1 Hz."""
     battery: Annotated[float, Range(0, 1)] = 1.0
     """State of charge at power-on."""
     yaw_deg: Annotated[float, Range(-180, 180)] = 0.0

@@ -5,6 +5,10 @@
     python -m adatracker_drone.sitl --port 14540 --gcs udpout:127.0.0.1:14550
 
 It sends to the given UDP port of this machine from a port of its own, as PX4's simulator does.
+
+A rehearsal reaches nothing else. Both ports are new and the kernel's choice, whatever the profile says; each
+end hears and speaks to the other's port alone from the start; and the far end has a uid that was drawn for
+this run, without which the adapter arms nothing. Whoever else is heard on the link ends the rehearsal.
 """
 
 from __future__ import annotations
@@ -16,6 +20,7 @@ import importlib.util
 import ipaddress
 import json
 import re
+import secrets
 import socket
 import sys
 from typing import TYPE_CHECKING
@@ -30,10 +35,9 @@ from adatracker_deploy.far_end import (
     lifeline,
     refuse,
 )
-from adatracker_deploy.faults.catalogue import BATTERY_LOW, LINK_DROP, ROBOT_SILENT
+from adatracker_deploy.faults.catalogue import BATTERY_LOW, LINK_DROP, ROBOT_SILENT, TAKEOVER
 from adatracker_deploy.platform import Scenario, Sitl
 from adatracker_deploy.schema import parse
-from adatracker_drone.protocol import check_url
 from adatracker_drone.settings import SitlSettings
 from adatracker_drone.signing import read_key
 
@@ -44,14 +48,16 @@ if TYPE_CHECKING:
 
 STOP_TIMEOUT_S = 65.0
 """The far end gives up on coming to rest a little sooner by itself (`far_end.LINGER_S`)."""
-_ANY_PORT = re.compile(r"(udpin://127\.0\.0\.1):0")
+UID_BYTES = 18
+"""Of AUTOPILOT_VERSION, uid2."""
 _GCS = re.compile(r"udpout:([0-9.]+):(\d+)")
 
 
 class DroneSitl(Sitl):
-    """Starts the far end behind a profile's ``udpin://`` URL; port 0 there means any free one."""
+    """Starts the far end on a link of its own; the profile's ``connection.url`` is not used."""
 
-    faults = (LINK_DROP, ROBOT_SILENT, BATTERY_LOW)  # its camera is drawn in the tracker, and freezes there
+    faults = (LINK_DROP, ROBOT_SILENT, BATTERY_LOW, TAKEOVER)
+    """Its camera is drawn in the tracker, and freezes there."""
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
@@ -61,21 +67,28 @@ class DroneSitl(Sitl):
         """Start the far end and wait until it is up; the world is drawn elsewhere, from the drone's own pose.
 
         Raises:
-            UsageError: the port is in use, the URL is no ``udpin://``, or the sitl extra is missing.
+            UsageError: the sitl extra is missing, or a setting cannot be.
             PlatformError: the process did not come up.
         """
         _require_libraries()
-        url, port = _free_address(self._profile.connection.url)
+        port, uid = _free_port(), secrets.token_hex(UID_BYTES)
         settings = json.dumps(dataclasses.asdict(self._profile.sitl))
-        key = self._profile.connection.signing_key
-        self._process.start(
+        connection = self._profile.connection
+        ready = self._process.start(
             clock,
             [
-                *("--port", str(port), "--seed", str(scenario.seed), "--settings", settings),
-                *(("--signing-key", key) if key else ()),
+                *("--port", str(port), "--seed", str(scenario.seed), "--settings", settings, "--uid", uid),
+                *("--system-id", str(connection.system_id)),
+                *(("--signing-key", connection.signing_key) if connection.signing_key else ()),
             ],
         )
-        connection = dataclasses.replace(self._profile.connection, url=url)
+        connection = dataclasses.replace(
+            connection,
+            url=f"udpin://127.0.0.1:{port}",
+            peer=f"127.0.0.1:{ready['source']}",
+            uid=uid,
+            alone=True,
+        )
         camera = dataclasses.replace(self._profile.camera, uri=f"world://{scenario.scene}")
         return dataclasses.replace(self._profile, connection=connection, camera=camera)
 
@@ -91,29 +104,10 @@ class DroneSitl(Sitl):
         self._process.order(line)
 
 
-def _free_address(url: str) -> tuple[str, int]:
-    """Return the URL and its UDP port, which nobody else has bound.
-
-    Raises:
-        UsageError: it is in use; without this look two programs would share it, and each miss half.
-    """
-    if match := _ANY_PORT.fullmatch(url):
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            probe.bind(("127.0.0.1", 0))
-            port = probe.getsockname()[1]
-        return f"{match[1]}:{port}", port
-    address = check_url(url)
-    if address is None:
-        raise UsageError(f"connection.url {url!r}: a simulated drone is reached by udpin://127.0.0.1:PORT")
+def _free_port() -> int:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.bind(address)
-        except OSError as error:
-            raise UsageError(
-                f"UDP port {address[1]} is in use: stop the program that holds it (a ground station, another "
-                "rehearsal), or give another connection.url in the profile"
-            ) from error
-    return url, address[1]
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -129,7 +123,7 @@ def main(argv: list[str] | None = None) -> int:
     except (UsageError, json.JSONDecodeError) as error:
         return refuse(error)
     lifeline_ended = lifeline(args, orders)
-    announce(port=args.port, gcs=gcs)
+    announce(port=args.port, source=far_end.source_port, gcs=gcs)
     with contextlib.suppress(KeyboardInterrupt):
         far_end.serve(far_end_clock(args), lifeline_ended)
     return 0
@@ -143,9 +137,11 @@ def _power_on(
     orders: Orders,
 ) -> FarEnd:
     _require_libraries()
+    from adatracker_drone.autopilot import Identity
     from adatracker_drone.far_end import FarEnd
 
-    return FarEnd(settings, args.seed, args.speed, addresses, key=key, orders=orders)
+    identity = Identity(args.system_id, bytes.fromhex(args.uid))
+    return FarEnd(settings, args.seed, args.speed, addresses, key=key, orders=orders, identity=identity)
 
 
 def _require_libraries() -> None:
@@ -174,6 +170,12 @@ def _port(text: str) -> int:
     return int(text)
 
 
+def _uid(text: str) -> str:
+    if not re.fullmatch(f"[0-9a-f]{{{2 * UID_BYTES}}}", text):
+        raise argparse.ArgumentTypeError(f"{text!r} is not {2 * UID_BYTES} hexadecimal digits")
+    return text
+
+
 def _arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m adatracker_drone.sitl", description="A simulated PX4 drone."
@@ -183,6 +185,8 @@ def _arguments() -> argparse.ArgumentParser:
     parser.add_argument(
         "--signing-key", default="", help="a file of 32 bytes, mode 0600: sign, and hear nothing unsigned"
     )
+    parser.add_argument("--system-id", type=int, default=1, help="MAV_SYS_ID")
+    parser.add_argument("--uid", type=_uid, default="00" * UID_BYTES, help="36 hexadecimal digits")
     parser.add_argument("--settings", default="{}", help="the profile's sitl: section, as JSON")
     add_arguments(parser)
     return parser

@@ -9,6 +9,7 @@ from typing import Any
 from pymavlink.dialects.v20 import common as mavlink
 
 from adatracker_drone.commander import Commander
+from adatracker_drone.dialect import CurrentMode
 from adatracker_drone.motion import HOME_ALTITUDE_M, HOME_LATITUDE_DEG, HOME_LONGITUDE_DEG, Motion
 
 Message = Any
@@ -40,6 +41,7 @@ class Instant:
     estimate: Motion
     commander: Commander
     ready: bool
+    uid: bytes
 
 
 def global_position(motion: Motion) -> tuple[int, int, int]:
@@ -77,7 +79,7 @@ def heartbeat(now: Instant) -> Message:
         base |= mavlink.MAV_MODE_FLAG_AUTO_ENABLED | mavlink.MAV_MODE_FLAG_GUIDED_ENABLED
     else:
         base |= mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
-    state = mavlink.MAV_STATE_STANDBY
+    state = mavlink.MAV_STATE_STANDBY if now.ready else mavlink.MAV_STATE_UNINIT
     if commander.failsafe:
         state = mavlink.MAV_STATE_CRITICAL
     elif commander.armed:
@@ -90,6 +92,16 @@ def heartbeat(now: Instant) -> Message:
         state,
         mavlink_version=3,
     )
+
+
+def current_mode(now: Instant) -> Message:
+    """Tell the mode that flies, and the one that was asked for."""
+    return CurrentMode(now.commander.mode.custom_mode, now.commander.wanted.custom_mode)
+
+
+def timesync(now: Instant) -> Message:
+    """Ask for the other end's time."""
+    return mavlink.MAVLink_timesync_message(0, now.t_ns)
 
 
 def attitude(now: Instant) -> Message:
@@ -262,7 +274,7 @@ def estimator_status(now: Instant) -> Message:
     )
 
 
-def autopilot_version(_now: Instant) -> Message:
+def autopilot_version(now: Instant) -> Message:
     """Tell what this autopilot can do."""
     can = (
         mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
@@ -271,7 +283,7 @@ def autopilot_version(_now: Instant) -> Message:
         | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
         | mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2
     )
-    v1_15_0 = 1 << 24 | 15 << 16 | 255  # 255: a release
+    v1_16_0 = 1 << 24 | 16 << 16 | 255  # 255: a release
     return mavlink.MAVLink_autopilot_version_message(
-        can, v1_15_0, v1_15_0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0x26AC, 0x10, 1
+        can, v1_16_0, v1_16_0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0x26AC, 0x10, 1, list(now.uid)
     )

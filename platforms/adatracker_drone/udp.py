@@ -42,6 +42,7 @@ class UdpLink:
         signer: None where nothing is signed.
         hear: called in the link's thread with whole frames.
         binds: whether this side waits at `address` for the autopilot; otherwise it dials it.
+        peer: the autopilot's address, where this side waits for one that it knows.
 
     Raises:
         UsageError: the address cannot be bound or dialled.
@@ -55,8 +56,9 @@ class UdpLink:
         hear: Callable[[bytes], None],
         *,
         binds: bool,
+        peer: Address | None = None,
     ) -> None:
-        self.guard = Guard(system, None if binds else address, signer)
+        self.guard = Guard(system, peer if binds else address, signer)
         self._signer = signer
         self._hear = hear
         self._unix_ns = time.time_ns() - time.monotonic_ns()
@@ -67,6 +69,8 @@ class UdpLink:
         """When they are looked at next."""
         self._sockets = [_bound(address) if binds else _dialling(address)]
         self._spoken_to = None if binds else self._sockets[0]
+        if binds and peer is not None:
+            self._pin(peer)
         self._thread = threading.Thread(target=self._listen, name="mavlink", daemon=True)
 
     def start(self) -> None:

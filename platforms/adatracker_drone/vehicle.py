@@ -2,33 +2,38 @@
 
 All of MAVSDK is in this module. Telemetry arrives by subscription in MAVSDK's own thread and replaces a
 frozen snapshot; nothing is polled. UDP is `UdpLink`'s, which hands MAVSDK what it lets in and takes from it
-what goes out. Set-points go through `MavlinkDirect`, which sends only when it is called: the `Offboard`
-plugin repeats the last one from a C++ thread for as long as the process lives, so that the autopilot's
-fail-safe for lost set-points cannot see that Python hangs.
+what goes out. Set-points and orders go through `MavlinkDirect`, which sends only when it is called. MAVSDK's
+own plugins repeat: `Offboard` the last set-point from a C++ thread for as long as the process lives, so that
+the autopilot's fail-safe for lost set-points cannot see that Python hangs; `Action` a command whose answer
+was lost, so that a take-off could follow the LAND that a stop had sent. They also block until it comes, up
+to 2 s; here nothing blocks but parameters.
 """
 
 from __future__ import annotations
 
 import contextlib
+import json
 import logging
 import math
 import time
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import mavsdk
 from mavsdk import ComponentType, Configuration, ConnectionResult, Mavsdk, MavsdkError
-from mavsdk.plugins.action import Action
 from mavsdk.plugins.mavlink_direct import MavlinkDirect
 from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkMessage
 from mavsdk.plugins.param import Param
-from mavsdk.plugins.telemetry import LandedState, StatusTextType, Telemetry
+from mavsdk.plugins.telemetry import StatusTextType, Telemetry
 
 from adatracker_deploy.errors import PlatformError, UsageError
 from adatracker_drone.backlog import Backlog
-from adatracker_drone.guard import AUTOPILOT_COMPONENT
+from adatracker_drone.events import NO_REASON, WARNING, number_of, reason_of
+from adatracker_drone.guard import AUTOPILOT_COMPONENT, Ignored
+from adatracker_drone.heard import HEALTH, Heard, Landed, mode_name
+from adatracker_drone.orders import TELL_VERSION, Order, rates
 from adatracker_drone.packets import HEARTBEAT, split
-from adatracker_drone.protocol import check_url, dialled, heartbeat_rate_json, offboard_json, set_point_json
+from adatracker_drone.protocol import check_url, dialled, numeric_address, set_point_json
 from adatracker_drone.signing import Signer, read_key
 from adatracker_drone.udp import UdpLink
 
@@ -42,53 +47,44 @@ if TYPE_CHECKING:
 _log = logging.getLogger(__name__)
 _log.addHandler(logging.NullHandler())
 
-_STATUS_RATE_HZ = 5.0
+_STATUS_RATE_HZ = 20.0
+"""Asked of CURRENT_MODE and EXTENDED_SYS_STATE; a real PX4 then told of new modes after 8 to 63 ms."""
 _OURS = "raw://"
 """MAVSDK's name for a connection whose bytes somebody else carries."""
-_NO_ANSWER = ("TIMEOUT", "NO_SYSTEM", "CONNECTION_ERROR")
-_HEALTH = {
-    "is_gyrometer_calibration_ok": "gyroscope",
-    "is_accelerometer_calibration_ok": "accelerometer",
-    "is_magnetometer_calibration_ok": "magnetometer",
-    "is_local_position_ok": "local position",
-    "is_global_position_ok": "global position",
-    "is_home_position_ok": "home position",
-}
+_ARMED = 128
+"""MAV_MODE_FLAG_SAFETY_ARMED."""
+_ACCEPTED, _IN_PROGRESS = 0, 5
+_RESULTS = ("accepted", "TEMPORARILY_REJECTED", "DENIED", "UNSUPPORTED", "FAILED", "IN_PROGRESS", "CANCELLED")
+"""MAV_RESULT."""
 
 
-@dataclass(frozen=True, slots=True)
-class Heard:
-    """What the vehicle said last; times are the run's clock at receipt, ns, 0 before the first message."""
+class Answer(NamedTuple):
+    """What the autopilot has said to a kind of order."""
 
-    position_t_ns: int = 0
-    position_ned_m: tuple[float, float, float] | None = None
-    velocity_ned_m_s: tuple[float, float, float] | None = None
-    attitude_t_ns: int = 0
-    euler_frd_rad: tuple[float, float, float] | None = None
-    """Roll, pitch (positive is nose up), heading (clockwise from north)."""
-    yaw_rate_frd_rad_s: float = 0.0
-    mode: str = ""
-    """MAVSDK's name of the flight mode, as the last HEARTBEAT gave it."""
-    mode_t_ns: int = 0
-    armed: bool = False
-    armed_t_ns: int = 0
-    landed: bool | None = None
-    armable: bool = False
-    unhealthy: tuple[str, ...] = tuple(_HEALTH.values())
-    """What does not work yet."""
-    battery: float | None = None
-    """State of charge, 0 to 1."""
-    complaint: str = ""
-    """The last message of severity warning or worse, in the autopilot's own words."""
+    number: int = 0
+    """Answers so far."""
+    result: int = _ACCEPTED
+    """Of the last."""
+
+    @property
+    def accepted(self) -> bool:
+        """Whether it does what it was asked for."""
+        return self.result in (_ACCEPTED, _IN_PROGRESS)
+
+    @property
+    def says(self) -> str:
+        """MAVLink's name of the result."""
+        return _RESULTS[self.result] if self.result < len(_RESULTS) else f"result {self.result}"
 
 
 class Vehicle:
-    """One autopilot over one connection; calls block until it has acknowledged them.
+    """One autopilot over one connection.
 
     Args:
         connection: the profile's.
         clock: stamps what is heard.
-        on_mode: called in MAVSDK's thread with the name of the mode in every HEARTBEAT; must return at once.
+        on_mode: called in MAVSDK's thread with the mode in every CURRENT_MODE and HEARTBEAT; must return at
+            once.
 
     Raises:
         UsageError: the URL is malformed, its UDP port is taken, or the signing key cannot be used.
@@ -100,6 +96,7 @@ class Vehicle:
         self._on_mode = on_mode
         self._system_id = connection.system_id
         self._backlog = Backlog(clock.speed)
+        self._answers: dict[int, Answer] = {}
         self._link = _udp_link(connection, self._pass_on)
         mavsdk.log_subscribe(_to_logging)
         configuration = Configuration.create_with_component_type(ComponentType.COMPANION_COMPUTER)
@@ -125,6 +122,11 @@ class Vehicle:
         """Return what the link has to tell since the last call."""
         return self._link.guard.take_notices() if self._link is not None else ()
 
+    @property
+    def strangers(self) -> int:
+        """Datagrams that came from elsewhere than the autopilot's address."""
+        return self._link.guard.ignored[Ignored.STRANGER] if self._link is not None else 0
+
     def discover(self) -> bool:
         """Return whether this vehicle's autopilot has been heard, and from then on listen to it."""
         for system in self._mavsdk.get_systems():
@@ -140,34 +142,22 @@ class Vehicle:
             PlatformError: `command` is not a velocity that a drone can fly; nothing was sent.
         """
         fields = set_point_json(command, now_ns, self._autopilot)
-        with self._explained("send a set-point"):
+        with self._explained("follow a set-point"):
             self._direct.send_message(self._message("SET_POSITION_TARGET_LOCAL_NED", fields))
 
-    def switch_to_offboard(self) -> None:
-        """Ask for OFFBOARD; the proof is the mode that is heard, not the answer."""
-        with self._explained("switch to OFFBOARD"):
-            self._direct.send_command(self._message("COMMAND_LONG", offboard_json(self._autopilot)))
+    def order(self, order: Order) -> None:
+        """Send an order once; does not wait for anything."""
+        with self._explained(order.says):
+            self._direct.send_message(self._message("COMMAND_LONG", order.to_json(*self._autopilot)))
 
-    def arm(self) -> None:
-        """Arm; the autopilot refuses when its own checks fail."""
-        with self._explained("arm"):
-            self._action.arm()
+    def answer(self, order: Order) -> Answer:
+        """Return what was answered to this kind of order. PX4 answers a switch of modes twice."""
+        return self._answers.get(order.command, Answer())
 
-    def take_off(self, altitude_m: float) -> None:
-        """Start to climb to `altitude_m` above the ground, as the autopilot does it."""
-        with self._explained("take off"):
-            self._action.set_takeoff_altitude(altitude_m)
-            self._action.takeoff()
-
-    def hold(self) -> None:
-        """Switch to HOLD: stop and hover."""
-        with self._explained("hold"):
-            self._action.hold()
-
-    def land(self) -> None:
-        """Switch to LAND: come down here, and disarm on the ground."""
-        with self._explained("land"):
-            self._action.land()
+    def set_takeoff_altitude(self, altitude_m: float) -> None:
+        """Set how high above the ground a take-off ends; moves nothing, and blocks until it is answered."""
+        with self._explained("take its take-off height (MIS_TAKEOFF_ALT)"):
+            self._param.set_param_float("MIS_TAKEOFF_ALT", altitude_m)
 
     def parameter(self, name: str, kind: type[int] | type[float]) -> float | None:
         """Return a parameter of PX4's, or None when this autopilot does not have it."""
@@ -193,31 +183,30 @@ class Vehicle:
 
     def _listen(self, system: Any) -> None:
         self._autopilot = (system.get_system_id(), AUTOPILOT_COMPONENT)
-        self._action, self._param = Action(system), Param(system)
-        self._direct, self._telemetry = MavlinkDirect(system), Telemetry(system)
+        self._direct, self._param = MavlinkDirect(system), Param(system)
+        self._telemetry = Telemetry(system)
+        for name, hear in (
+            ("CURRENT_MODE", self._on_current_mode),
+            ("HEARTBEAT", self._on_heartbeat),
+            ("EXTENDED_SYS_STATE", self._on_extended_sys_state),
+            ("COMMAND_ACK", self._on_answer),
+            ("AUTOPILOT_VERSION", self._on_version),
+            ("EVENT", self._on_event),
+        ):
+            self._direct.subscribe_message(name, self._of_the_autopilot, hear)
+        self._backlog.begin(time.monotonic())
         self._telemetry.subscribe_position_velocity_ned(self._on_position)
         self._telemetry.subscribe_attitude_euler(self._on_attitude)
         self._telemetry.subscribe_attitude_angular_velocity_body(self._on_angular_velocity)
-        self._telemetry.subscribe_flight_mode(self._on_flight_mode)
-        self._backlog.begin(time.monotonic())
-        self._telemetry.subscribe_armed(
-            lambda armed, _: self._hear(armed=armed, armed_t_ns=self._clock.now_ns())
-        )
-        self._telemetry.subscribe_landed_state(
-            lambda state, _: self._hear(landed=state == LandedState.ON_GROUND)
-        )
         self._telemetry.subscribe_health(self._on_health)
         self._telemetry.subscribe_battery(self._on_battery)
         self._telemetry.subscribe_status_text(self._on_status_text)
-        self._ask_for_rates()
+        for order in (TELL_VERSION, *rates(_STATUS_RATE_HZ)):
+            self.order(order)
 
-    def _ask_for_rates(self) -> None:
-        """Hear of a new mode and of landing within 0.2 s; an autopilot that refuses tells them at 1 Hz."""
-        with contextlib.suppress(MavsdkError):
-            self._direct.send_command(
-                self._message("COMMAND_LONG", heartbeat_rate_json(_STATUS_RATE_HZ, self._autopilot))
-            )
-            self._telemetry.set_rate_landed_state(_STATUS_RATE_HZ)
+    def _of_the_autopilot(self, message: Any, hear: Callable[[dict[str, Any]], None]) -> None:
+        if (message.system_id, message.component_id) == self._autopilot:
+            hear(json.loads(message.fields_json))
 
     def _message(self, name: str, fields: str) -> Any:
         system, component = self._autopilot
@@ -247,15 +236,40 @@ class Vehicle:
         if math.isfinite(data.yaw_rad_s):
             self._hear(yaw_rate_frd_rad_s=data.yaw_rad_s)
 
-    def _on_flight_mode(self, mode: Any, _: Any) -> None:
+    def _on_current_mode(self, told: dict[str, Any]) -> None:
+        self._hear(tells_current_mode=True)
+        self._hear_mode(told["custom_mode"])
+
+    def _on_heartbeat(self, told: dict[str, Any]) -> None:
         self._backlog.tell(time.monotonic())
-        self._hear(mode=mode.name, mode_t_ns=self._clock.now_ns())
-        self._on_mode(mode.name)
+        self._hear(armed=bool(told["base_mode"] & _ARMED), armed_t_ns=self._clock.now_ns())
+        self._hear_mode(told["custom_mode"])
+
+    def _hear_mode(self, custom_mode: int) -> None:
+        mode = mode_name(custom_mode)
+        self._hear(mode=mode, mode_t_ns=self._clock.now_ns())
+        self._on_mode(mode)
+
+    def _on_extended_sys_state(self, told: dict[str, Any]) -> None:
+        with contextlib.suppress(ValueError):  # a number that means nothing changes nothing
+            self._hear(landed=Landed(told["landed_state"]))
+
+    def _on_answer(self, told: dict[str, Any]) -> None:
+        before = self._answers.get(told["command"], Answer())
+        self._answers[told["command"]] = Answer(before.number + 1, told["result"])
+
+    def _on_version(self, told: dict[str, Any]) -> None:
+        self._hear(uid=bytes(told["uid2"]).hex())
+
+    def _on_event(self, told: dict[str, Any]) -> None:
+        says_more = told["id"] != number_of(NO_REASON) or not self.heard.complaint
+        if told["log_levels"] & 0xF <= WARNING and says_more:
+            self._hear(complaint=reason_of(told["id"]))
 
     def _on_health(self, health: Any, _: Any) -> None:
         self._hear(
             armable=health.is_armable,
-            unhealthy=tuple(name for flag, name in _HEALTH.items() if not getattr(health, flag)),
+            unhealthy=tuple(name for flag, name in HEALTH.items() if not getattr(health, flag)),
         )
 
     def _on_battery(self, battery: Any, _: Any) -> None:
@@ -272,14 +286,7 @@ class Vehicle:
             yield
         except MavsdkError as error:
             result = getattr(getattr(error, "result", None), "name", str(error))
-            if result in _NO_ANSWER:
-                raise PlatformError(
-                    f"no answer from the autopilot when asked to {what} ({result}): its own fail-safe acts; "
-                    "be ready with the remote control"
-                ) from error
-            complaint = self.heard.complaint
-            why = f"; its last warning: {complaint}" if complaint else ""
-            raise PlatformError(f"the autopilot did not {what}: {result}{why}") from error
+            raise PlatformError(f"the autopilot could not be asked to {what} ({result})") from error
 
 
 def _udp_link(connection: Connection, hear: Callable[[bytes], None]) -> UdpLink | None:
@@ -289,7 +296,8 @@ def _udp_link(connection: Connection, hear: Callable[[bytes], None]) -> UdpLink 
     if address is None:
         return None
     signer = Signer(read_key(connection.signing_key)) if connection.signing_key else None
-    return UdpLink(address, connection.system_id, signer, hear, binds=bound is not None)
+    peer = numeric_address(connection.peer) if connection.peer else None
+    return UdpLink(address, connection.system_id, signer, hear, binds=bound is not None, peer=peer)
 
 
 def _to_logging(level: Any, message: str, _file: str | None, _line: int) -> bool:

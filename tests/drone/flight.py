@@ -11,7 +11,14 @@ from adatracker_drone.body import STEP_S, DroneBody
 from adatracker_drone.px4 import Mode, Result
 from adatracker_drone.settings import SitlSettings
 
-STOCK = SitlSettings(parameters={}, velocity_bias_m_s=0.0, velocity_noise_m_s=0.0, position_noise_m=0.0)
+EXACT = {
+    "velocity_bias_m_s": 0.0,
+    "velocity_wander_m_s": 0.0,
+    "velocity_noise_m_s": 0.0,
+    "position_noise_m": 0.0,
+    "height_drift_m": 0.0,
+}
+STOCK = SitlSettings(parameters={}, **EXACT)
 """PX4's defaults and an estimator without error."""
 
 BODY_NED, LOCAL_NED = mavlink.MAV_FRAME_BODY_NED, mavlink.MAV_FRAME_LOCAL_NED
@@ -60,8 +67,7 @@ class Flight:
         filled = [*params, *[0.0] * (7 - len(params))]
         self.send(mavlink.MAVLink_command_long_message(1, 1, command, 0, *filled))
         self.run(STEP_S)
-        (answer,) = [m for m in self.of("COMMAND_ACK")[-1:] if m.command == command]
-        return Result(answer.result)
+        return Result([m for m in self.of("COMMAND_ACK") if m.command == command][-1].result)
 
     def arm(self, *, force=False):
         return self.order(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1, 21196 if force else 0)

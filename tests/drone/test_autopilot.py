@@ -3,11 +3,12 @@
 import math
 
 import pytest
-from flight import LOCAL_NED, STILL, Flight, place, velocity
+from flight import EXACT, LOCAL_NED, STILL, Flight, place, velocity
 from pymavlink.dialects.v20 import common as mavlink
 
 from adatracker_deploy.errors import UsageError
 from adatracker_drone.autopilot import Autopilot
+from adatracker_drone.events import number_of
 from adatracker_drone.motion import Motion
 from adatracker_drone.px4 import Mode, Result
 from adatracker_drone.settings import SitlSettings
@@ -30,7 +31,7 @@ def test_arming_is_denied_on_an_empty_battery():
 
 def test_arming_is_denied_in_a_mode_that_needs_sticks_or_set_points():
     flight = Flight().run(1.0)
-    for mode in (Mode.MANUAL, Mode.POSCTL, Mode.OFFBOARD, Mode.LAND):
+    for mode in (Mode.MANUAL, Mode.ALTCTL, Mode.POSCTL, Mode.OFFBOARD, Mode.LAND):
         assert flight.switch(mode) is Result.ACCEPTED
         assert flight.arm() is Result.REFUSED_NOW, mode
 
@@ -82,7 +83,7 @@ def test_a_takeoff_waits_for_the_motors_then_climbs_to_its_altitude_and_holds():
     flight = Flight().set("MIS_TAKEOFF_ALT", 2.0).run(1.0)
     flight.arm()
     flight.take_off()
-    flight.run(0.9)
+    flight.run(3.9)
     assert flight.body.motion.on_gear
     flight.run_until(lambda: flight.mode is Mode.HOLD).run(5.0)
     assert flight.body.pose.z == pytest.approx(2.0, abs=0.15)
@@ -93,7 +94,7 @@ def test_a_takeoff_to_a_height_above_sea_level_goes_there():
     flight = Flight().run(1.0)
     flight.arm()
     flight.order(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, math.nan, math.nan, math.nan, 488.0 + 4.0)
-    flight.run(8.0)
+    flight.run(11.0)
     assert flight.body.pose.z == pytest.approx(4.0, abs=0.2)
 
 
@@ -121,6 +122,85 @@ def test_it_lands_with_the_worst_velocity_bias_too():
     flight = Flight(SitlSettings(velocity_bias_m_s=0.3)).hover()
     flight.order(mavlink.MAV_CMD_NAV_LAND)
     flight.run_until(lambda: flight.autopilot.at_rest)
+
+
+@pytest.mark.parametrize("fail_safe", [False, True])
+def test_landed_out_of_offboard_it_is_in_offboard_again_and_refuses_to_arm_until_it_is_put_into_hold(
+    fail_safe,
+):
+    flight = Flight().set("COM_OBL_RC_ACT", 4).offboard(STILL)
+    if not fail_safe:
+        flight.order(mavlink.MAV_CMD_NAV_LAND)
+    flight.run_until(lambda: flight.autopilot.at_rest).run(1.1)
+    assert flight.mode is Mode.OFFBOARD
+    assert flight.of("HEARTBEAT")[-1].system_status == mavlink.MAV_STATE_UNINIT
+    assert not flight.of("SYS_STATUS")[-1].onboard_control_sensors_health & 0x10000000
+    assert flight.arm() is Result.REFUSED_NOW
+    assert number_of("check_modes_offboard_signal") in [event.number for event in flight.of("EVENT")]
+    flight.switch(Mode.HOLD)
+    assert flight.arm() is Result.ACCEPTED
+
+
+def test_a_pilots_position_mode_outlives_the_landing_too():
+    flight = Flight().hover()
+    flight.switch(Mode.POSCTL)
+    flight.order(mavlink.MAV_CMD_NAV_LAND)
+    flight.run_until(lambda: flight.autopilot.at_rest)
+    assert flight.mode is Mode.POSCTL
+
+
+def test_the_thrust_ramps_up_for_three_seconds_in_which_it_counts_as_taking_off_and_cannot_be_disarmed():
+    flight = Flight().run(1.0)
+    flight.arm()
+    flight.take_off()
+    flight.run(1.2)
+    assert flight.of("EXTENDED_SYS_STATE")[-1].landed_state == mavlink.MAV_LANDED_STATE_TAKEOFF
+    assert flight.disarm() is Result.REFUSED_NOW
+    began_s = flight.t_s
+    flight.run_until(lambda: flight.body.pose.z > 0.1)
+    assert 2.0 < flight.t_s - began_s < 4.0
+
+
+def test_told_to_land_while_the_thrust_ramps_up_it_never_leaves_the_ground():
+    flight = Flight().run(1.0)
+    flight.arm()
+    flight.take_off()
+    flight.run(3.0)
+    flight.order(mavlink.MAV_CMD_NAV_LAND)
+    flight.run_until(lambda: flight.autopilot.at_rest)
+    assert flight.body.pose.z < 0.05
+    assert flight.mode is Mode.HOLD
+
+
+def test_from_the_order_to_take_off_to_offboard_and_from_land_to_landed_it_takes_as_long_as_a_real_one():
+    flight = Flight().set("MIS_TAKEOFF_ALT", 2.0).run(1.0)
+    flight.arm()
+    flight.take_off()
+    began_s = flight.t_s
+    flight.run_until(lambda: flight.mode is Mode.HOLD, stream=STILL)
+    flight.switch(Mode.OFFBOARD)
+    flight.run_until(lambda: flight.mode is Mode.OFFBOARD, stream=STILL)
+    assert flight.t_s - began_s == pytest.approx(7.0, abs=1.5)
+    flight.order(mavlink.MAV_CMD_NAV_LAND)
+    began_s = flight.t_s
+    flight.run_until(lambda: flight.body.motion.on_gear)
+    touched_s = flight.t_s
+    flight.run_until(lambda: flight.commander.landed)
+    assert 1.3 < flight.t_s - touched_s < 5.6
+    assert 5.0 < flight.t_s - began_s < 10.0
+
+
+def test_the_estimates_errors_are_those_of_a_real_one():
+    flight = Flight(SitlSettings(parameters={}), seed=2).hover()
+    speeds, heights = [], []
+    for _ in range(600):
+        flight.run(0.1)
+        truth, told = flight.body.motion, flight.of("LOCAL_POSITION_NED")[-1]
+        speeds.append(math.hypot(told.vx - truth.v_north, told.vy - truth.v_east))
+        heights.append(abs(told.z - truth.down))
+    assert 0.1 < math.sqrt(sum(v * v for v in speeds) / len(speeds)) < 0.4
+    assert max(speeds) < 0.9
+    assert 0.2 < max(heights) < 0.85
 
 
 def test_after_a_flight_it_can_fly_again():
@@ -240,7 +320,7 @@ def test_the_vehicles_own_limits_hold():
 
 
 def test_flown_by_velocity_alone_it_drifts_as_far_as_its_estimate_is_wrong():
-    flight = Flight(SitlSettings(velocity_bias_m_s=0.1), seed=3).offboard(STILL)
+    flight = Flight(SitlSettings(**EXACT | {"velocity_bias_m_s": 0.1}), seed=3).offboard(STILL)
     before = flight.body.pose
     flight.run(10.0, stream=STILL)
     climbed = abs(flight.body.pose.z - before.z)
@@ -253,7 +333,8 @@ def test_flown_by_velocity_alone_it_drifts_as_far_as_its_estimate_is_wrong():
 
 
 @pytest.mark.parametrize(
-    ("action", "mode"), [(0, Mode.POSCTL), (4, Mode.LAND), (5, Mode.HOLD), (3, Mode.RTL)]
+    ("action", "mode"),
+    [(0, Mode.POSCTL), (2, Mode.STABILIZED), (4, Mode.LAND), (5, Mode.HOLD), (3, Mode.RTL)],
 )
 def test_a_lost_stream_is_acted_upon_after_its_time(action, mode):
     flight = Flight().set("COM_OBL_RC_ACT", action).offboard(velocity(forward=1.0))
@@ -266,6 +347,11 @@ def test_a_lost_stream_is_acted_upon_after_its_time(action, mode):
     assert "Failsafe activated" in flight.texts()
     flight.run(2.5)
     assert math.hypot(flight.body.velocity.vx, flight.body.velocity.vy) < 0.3
+
+
+def test_a_fail_safe_that_disarms_lets_it_fall():
+    flight = Flight().set("COM_OBL_RC_ACT", 7).offboard(STILL).run(1.5)
+    assert not flight.commander.armed
 
 
 def test_the_default_action_is_position_mode():

@@ -1,5 +1,6 @@
 """What the simulated PX4 tells and answers on the wire, and that hostile bytes move nothing."""
 
+import dataclasses
 import math
 import struct
 
@@ -8,9 +9,13 @@ from flight import STOCK, Flight, velocity
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as mavlink
+from pymavlink.dialects.v20 import development
 
 from adatracker_drone.autopilot import _HANDLERS, Autopilot
+from adatracker_drone.dialect import CurrentMode, Event
+from adatracker_drone.events import number_of
 from adatracker_drone.motion import Motion
+from adatracker_drone.packets import CURRENT_MODE, HEARD, split
 from adatracker_drone.parameters import PARAMETERS, Kind, from_wire, to_wire
 from adatracker_drone.px4 import Mode, Result
 from adatracker_drone.services import SERVICES
@@ -27,7 +32,20 @@ def carried(name, value):
 
 def test_the_streams_come_at_px4s_rates():
     flight = Flight().run(10.0)
-    rates = {"ATTITUDE": 100, "LOCAL_POSITION_NED": 30, "SYS_STATUS": 5, "HEARTBEAT": 1, "HOME_POSITION": 0.5}
+    rates = {
+        "ATTITUDE": 100,
+        "GLOBAL_POSITION_INT": 50,
+        "LOCAL_POSITION_NED": 30,
+        "ODOMETRY": 30,
+        "TIMESYNC": 10,
+        "VFR_HUD": 10,
+        "GPS_RAW_INT": 8,
+        "SYS_STATUS": 5,
+        "EXTENDED_SYS_STATE": 5,
+        "HEARTBEAT": 1,
+        "CURRENT_MODE": 0.5,
+        "HOME_POSITION": 0.5,
+    }
     for kind, hz in rates.items():
         assert len(flight.of(kind)) == pytest.approx(10 * hz, abs=1), kind
 
@@ -56,6 +74,68 @@ def test_a_change_of_mode_is_told_no_sooner_than_the_next_heartbeat():
     assert told[-1] == Mode.HOLD.custom_mode
     flight.run(1.0, stream=velocity())
     assert flight.of("HEARTBEAT")[-1].custom_mode == Mode.OFFBOARD.custom_mode
+
+
+def test_the_rate_of_heartbeats_cannot_be_changed():
+    flight = Flight()
+    assert flight.order(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 0, 200_000) is Result.FAILED
+    flight.run(10.0)
+    assert len(flight.of("HEARTBEAT")) == pytest.approx(10, abs=1)
+
+
+def test_at_20_hz_the_mode_is_told_twice_a_second_and_at_once_when_it_changes():
+    flight = Flight().offboard(velocity())
+    flight.order(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, CURRENT_MODE, 50_000)
+    before = len(flight.of("CURRENT_MODE"))
+    flight.run(10.0, stream=velocity())
+    assert len(flight.of("CURRENT_MODE")) - before == pytest.approx(20, abs=1)
+    flight.switch(Mode.POSCTL)
+    flight.run(0.06)
+    told = flight.of("CURRENT_MODE")[-1]
+    assert told.custom_mode == told.intended_custom_mode == Mode.POSCTL.custom_mode
+
+
+def test_a_fail_safes_mode_is_told_beside_the_one_that_was_asked_for():
+    flight = Flight().set("COM_OBL_RC_ACT", 4).offboard(velocity())
+    flight.order(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, CURRENT_MODE, 50_000)
+    flight.run(1.2)
+    told = flight.of("CURRENT_MODE")[-1]
+    assert told.custom_mode == Mode.LAND.custom_mode
+    assert told.intended_custom_mode == Mode.OFFBOARD.custom_mode
+
+
+def test_an_older_px4_does_not_tell_its_mode_so():
+    flight = Flight(dataclasses.replace(STOCK, tells_current_mode=False))
+    assert flight.order(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, CURRENT_MODE, 50_000) is Result.DENIED
+    assert not flight.run(3.0).of("CURRENT_MODE")
+
+
+def test_asked_for_its_mode_it_answers_by_heartbeat_always_and_by_current_mode_when_there_is_news():
+    flight = Flight().hover()
+    assert flight.order(mavlink.MAV_CMD_REQUEST_MESSAGE, CURRENT_MODE) is Result.ACCEPTED
+    assert flight.order(mavlink.MAV_CMD_REQUEST_MESSAGE, CURRENT_MODE) is Result.DENIED
+    before = len(flight.of("HEARTBEAT"))
+    assert flight.order(mavlink.MAV_CMD_REQUEST_MESSAGE, 0) is Result.ACCEPTED
+    assert len(flight.of("HEARTBEAT")) == before + 1
+
+
+def test_a_mode_switch_is_acknowledged_twice():
+    flight = Flight().run(0.1)
+    flight.switch(Mode.POSCTL)
+    assert [ack.command for ack in flight.of("COMMAND_ACK")] == [mavlink.MAV_CMD_DO_SET_MODE] * 2
+
+
+def test_its_own_messages_are_whole_by_the_adapters_own_measure():
+    link = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+    for message, payload in (
+        (CurrentMode(6 << 16, 4 << 16), struct.pack("<II", 6 << 16, 4 << 16)),
+        (Event(number_of("check_modes_offboard_signal"), 5, 1, 2), b""),
+    ):
+        (packet,) = split(bytes(message.pack(link)))
+        assert packet.is_whole
+        assert payload[:7] in packet.data
+    known = development.mavlink_map[CURRENT_MODE]
+    assert HEARD[CURRENT_MODE] == known.crc_extra
 
 
 def test_the_armable_bit_appears_when_arming_would_be_granted():

@@ -53,7 +53,7 @@ class TestDroneInOneProcess(AgainstTheManual):
     platform_class = InOneProcess
     clock_speed = 3.0
     cruise_m_s = 1.0
-    still_m_s = 0.3
+    still_m_s = 0.5
     body_height_m = 2.0
 
     @pytest.fixture(scope="class")

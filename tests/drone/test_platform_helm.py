@@ -11,8 +11,9 @@ from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.platform import ZERO, Twist
 from adatracker_deploy.runtime.clock import FakeClock
 from adatracker_drone.connection import Connection
+from adatracker_drone.heard import Heard
 from adatracker_drone.helm import Helm
-from adatracker_drone.vehicle import Heard
+from adatracker_drone.orders import LAND, OFFBOARD, TAKE_OFF, Order
 
 
 class RecordingVehicle:
@@ -20,6 +21,8 @@ class RecordingVehicle:
 
     def __init__(self, clock: FakeClock) -> None:
         self.sent: list[Twist] = []
+        self.orders: list[Order] = []
+        self.strangers, self.ignored = 0, "3 from an address"
         self._clock = clock
         self.heard = Heard(mode="OFFBOARD")
         self.hear()
@@ -30,6 +33,9 @@ class RecordingVehicle:
 
     def send_velocity(self, command: Twist, now_ns: int) -> None:
         self.sent.append(command)
+
+    def order(self, order: Order) -> None:
+        self.orders.append(order)
 
 
 class Rig:
@@ -121,9 +127,31 @@ def test_a_mode_that_nobody_asked_for_ends_everything_and_the_drone_is_no_longer
 def test_the_modes_that_follow_a_stop_are_nobodys_takeover():
     rig = Rig().engage()
     rig.helm.withdraw(rig.vehicle, "enough")
-    rig.helm.on_mode("HOLD")
+    assert rig.helm.order_down(rig.vehicle, LAND, "LAND")
+    rig.helm.on_mode("LAND")
     assert rig.helm.stopped == "enough"
     assert rig.helm.in_charge
+
+
+@given(st.sampled_from(["POSCTL", "HOLD", "RETURN_TO_LAUNCH", "MISSION"]))
+def test_a_mode_that_nobody_asked_for_makes_it_the_pilots_after_a_stop_too(mode):
+    rig = Rig().engage()
+    rig.helm.withdraw(rig.vehicle, "enough")
+    rig.helm.on_mode(mode)
+    assert not rig.helm.order_down(rig.vehicle, LAND, "LAND")
+    assert rig.vehicle.orders == []
+    assert rig.helm.taken_over
+
+
+def test_without_consent_nothing_is_ordered_that_leads_towards_flight():
+    rig = Rig()
+    rig.helm.give_consent()
+    rig.helm.order(rig.vehicle, TAKE_OFF)
+    rig.helm.withdraw(reason="enough")
+    for order in (TAKE_OFF, OFFBOARD):
+        with pytest.raises(PlatformError, match="enough"):
+            rig.helm.order(rig.vehicle, order)
+    assert rig.vehicle.orders == [TAKE_OFF]
 
 
 def test_a_takeover_between_the_switch_and_the_engagement_is_seen():
@@ -156,6 +184,65 @@ def test_silence_is_counted_in_the_machines_time():
     rig.clock.advance(0.1)
     with pytest.raises(PlatformError, match="no position"):
         rig.steer()
+
+
+@pytest.mark.parametrize("stop", [False, True])
+def test_a_sender_that_was_stopped_itself_sends_no_zero_into_the_autopilots_landing(stop):
+    rig = Rig().engage()
+    rig.steer(Twist(vx=1.0))
+    rig.clock.advance(0.6)  # COM_OF_LOSS_T is 1 s, and what is sent now is not heard at once
+    rig.vehicle.hear()
+    count = len(rig.vehicle.sent)
+    if stop:
+        rig.helm.withdraw(rig.vehicle, "enough")
+    with pytest.raises(PlatformError, match="enough" if stop else "no set-point went out for 0.6 s"):
+        rig.steer(Twist(vx=1.0))
+    assert len(rig.vehicle.sent) == count
+
+
+def test_a_shorter_loss_time_is_minded():
+    rig = Rig().engage()
+    rig.helm.loss_s = 0.2
+    rig.clock.advance(0.11)
+    with pytest.raises(PlatformError, match="no set-point"):
+        rig.steer()
+
+
+def test_after_a_suspend_nothing_that_moves_is_sent():
+    rig = Rig().engage()
+    rig.steer(Twist(vx=1.0))
+    count = len(rig.vehicle.sent)
+    rig.clock.suspend(0.2)
+    with pytest.raises(PlatformError, match=r"suspended for 0\.2 s"):
+        rig.steer(Twist(vx=1.0))
+    rig.helm.withdraw(rig.vehicle, "enough")
+    assert len(rig.vehicle.sent) == count
+    assert rig.helm.order_down(rig.vehicle, LAND, "LAND"), "it is still ours to land"
+
+
+def test_after_a_suspend_while_engaging_nothing_climbs():
+    rig = Rig()
+    rig.helm.give_consent()
+    rig.clock.suspend(5.0)
+    with pytest.raises(PlatformError, match="suspended"):
+        rig.helm.order(rig.vehicle, TAKE_OFF)
+    assert rig.vehicle.orders == []
+
+
+def test_a_suspend_too_short_to_matter_is_none():
+    rig = Rig().engage()
+    rig.clock.suspend(0.05)
+    assert rig.steer(Twist(vx=1.0)).vx == 1.0
+
+
+def test_somebody_else_on_a_link_where_nobody_may_be_ends_a_flight():
+    rig = Rig()
+    rig.helm = Helm(Connection(alone=True), rig.clock)
+    rig.engage().steer(Twist(vx=1.0))
+    rig.vehicle.strangers = 1
+    with pytest.raises(PlatformError, match="somebody else talks"):
+        rig.steer(Twist(vx=1.0))
+    assert rig.vehicle.sent[-1].vx == 0.0
 
 
 def test_no_set_point_slips_out_after_a_stop_however_the_threads_interleave():

@@ -8,12 +8,19 @@ from adatracker_deploy.errors import UsageError
 from adatracker_deploy.platform import Limits
 from adatracker_deploy.profile import load_profile, profile_dir
 from adatracker_drone.connection import Connection, altitude_band
-from adatracker_drone.preflight import Parameters, envelope_checks, failsafe_checks, health_checks
+from adatracker_drone.preflight import (
+    Parameters,
+    envelope_checks,
+    failsafe_checks,
+    health_checks,
+    mode_checks,
+)
 
 SAFE = Parameters(
     COM_OF_LOSS_T=1.0,
     COM_OBL_RC_ACT=4,
     COM_RC_OVERRIDE=3,
+    GF_ACTION=2,
     GF_MAX_HOR_DIST=50.0,
     GF_MAX_VER_DIST=20.0,
     MPC_XY_VEL_MAX=12.0,
@@ -88,13 +95,48 @@ def test_limits_beyond_the_autopilots_own_are_warned_of(name, value):
 
 
 @pytest.mark.parametrize(
-    "change", [{"GF_MAX_HOR_DIST": 0.0}, {"GF_MAX_VER_DIST": None}, {"GF_MAX_VER_DIST": 3.0}]
+    "change",
+    [
+        {"GF_MAX_HOR_DIST": 0.0},
+        {"GF_MAX_VER_DIST": None},
+        {"GF_MAX_VER_DIST": 3.0},
+        {"GF_ACTION": 0},
+        {"GF_ACTION": 1},
+        {"GF_ACTION": None},
+    ],
 )
 def test_a_fence_that_is_off_or_too_low_is_warned_of(change):
     check = envelope(**change)["geofence"]
     assert not check.ok
     assert not check.blocking
     assert next(iter(change)) in check.message
+
+
+def mode(mode="HOLD", *, armable=True, left_offboard=False, tells_current_mode=True):
+    return judged(
+        mode_checks(mode, armable=armable, left_offboard=left_offboard, tells_current_mode=tells_current_mode)
+    )
+
+
+def test_a_mode_in_which_the_autopilot_does_not_arm_blocks_and_names_the_cure():
+    check = mode("POSCTL", armable=False)["mode"]
+    assert check.blocking
+    assert not check.ok
+    assert "POSCTL: switch it to Hold" in check.message
+
+
+def test_a_drone_that_was_found_in_offboard_and_put_into_hold_passes_and_says_so():
+    check = mode(left_offboard=True)["mode"]
+    assert check.ok
+    assert "was put into HOLD" in check.message
+
+
+@pytest.mark.parametrize("tells", [False, True])
+def test_an_autopilot_whose_pilot_is_noticed_late_is_warned_of(tells):
+    check = mode(tells_current_mode=tells)["takeover"]
+    assert check.ok is tells
+    assert not check.blocking
+    assert ("1 s late" in check.message) is not tells
 
 
 def health(**changes):

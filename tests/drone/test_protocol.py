@@ -16,8 +16,7 @@ from adatracker_drone.protocol import (
     body_velocity,
     check_url,
     dialled,
-    heartbeat_rate_json,
-    offboard_json,
+    numeric_address,
     set_point_json,
 )
 
@@ -54,15 +53,11 @@ def test_a_value_that_is_no_velocity_is_never_encoded(axis, value):
         set_point_json(Twist(**{axis: value}), 0)
 
 
-def test_offboard_is_asked_for_by_px4s_custom_mode():
-    fields = json.loads(offboard_json((3, 1)))
-    assert (fields["command"], fields["param1"], fields["param2"]) == (176, 129, 6)
-    assert (fields["target_system"], fields["target_component"]) == (3, 1)
-
-
-def test_the_heartbeat_is_asked_for_by_its_interval_in_microseconds():
-    fields = json.loads(heartbeat_rate_json(5.0))
-    assert (fields["command"], fields["param1"], fields["param2"]) == (511, 0, 200_000)
+@pytest.mark.parametrize("text", ["", "127.0.0.1", "127.0.0.1:0", "127.0.0.1:99999", "localhost:1", "::1:5"])
+def test_a_peer_that_is_no_address_is_refused(text):
+    with pytest.raises(UsageError, match=r"connection\.peer"):
+        numeric_address(text)
+    assert numeric_address("192.168.1.10:14580") == ("192.168.1.10", 14580)
 
 
 @given(speeds, speeds, speeds, angles)

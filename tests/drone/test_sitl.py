@@ -69,21 +69,6 @@ def command_line(*args):
 # What is refused
 
 
-def test_a_busy_port_is_refused_with_its_number_and_what_to_do():
-    with bound_socket() as taken:
-        port = taken.getsockname()[1]
-        with pytest.raises(UsageError, match=rf"{port} is in use.*connection\.url"):
-            DroneSitl(profile(f"udpin://127.0.0.1:{port}")).start(MonotonicClock(), Scenario())
-
-
-@pytest.mark.parametrize(
-    "url", ["serial:///dev/ttyACM0:57600", "tcpout://127.0.0.1:5760", "14540", "udpin://localhost:1"]
-)
-def test_a_url_that_a_simulated_drone_cannot_have_is_refused(url):
-    with pytest.raises(UsageError, match=r"connection\.url"):
-        DroneSitl(profile(url)).start(MonotonicClock(), Scenario())
-
-
 def test_a_missing_extra_is_named(monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None if name == "jsbsim" else object())
     with pytest.raises(UsageError, match=r"needs jsbsim: pip install 'adatracker-deploy\[sitl\]'"):

@@ -1,0 +1,203 @@
+"""How the drone gets into OFFBOARD and back to the ground: each step looks whether it may still be taken."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from adatracker_deploy.errors import PlatformError
+from adatracker_drone.connection import Connection, altitude_band
+from adatracker_drone.heard import Heard, Landed
+from adatracker_drone.orders import ARM, DISARM, HOLD, LAND, OFFBOARD, TAKE_OFF
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from adatracker_deploy.limits import Limits
+    from adatracker_deploy.runtime.clock import Clock
+    from adatracker_drone.dialogue import Dialogue
+    from adatracker_drone.helm import Helm
+
+PROOF_OF_LIFE_S = 1.2
+"""PX4 wants set-points for 1 s before it switches to OFFBOARD."""
+LANDING_MODES = ("LAND", "RETURN_TO_LAUNCH")
+_SWITCH_TIMEOUT_S = 2.5
+"""HEARTBEAT tells of a new mode up to 1 s late; one may be lost on the way."""
+_SETTLE_S = 0.3
+"""A mode that is told so soon after an order may still be the one before it."""
+_REACHED = 0.8
+"""The part of the take-off altitude above which a HOLD means that the climb is over."""
+_CLIMB_TIMEOUT_S = 30.0
+_LANDING_TIMEOUT_S = 60.0
+_NEAR_GROUND_M = 0.5
+"""Taking off and lower than this, the drone may be on the ground still: no HOLD could stop its thrust."""
+_DRIFT_M = 0.3
+"""How far the height may have drifted during a climb."""
+
+
+class Manoeuvres:
+    """What one vehicle is led through, from one thread at a time.
+
+    Args:
+        talk: with the vehicle.
+        helm: decides what may be ordered.
+        clock: the run's.
+        connection: the profile's.
+        limits: the profile's.
+    """
+
+    acceptance_m = 0.8
+    """So far below its height a take-off is over (NAV_MC_ALT_RAD)."""
+
+    def __init__(
+        self, talk: Dialogue, helm: Helm, clock: Clock, connection: Connection, limits: Limits
+    ) -> None:
+        self.talk, self.vehicle = talk, talk.vehicle
+        self._helm = helm
+        self._clock = clock
+        self._connection = connection
+        self._limits = limits
+
+    def leave_offboard(self) -> bool:
+        """Put a drone that stands disarmed in OFFBOARD into HOLD, which moves nothing; say whether it was."""
+        vehicle = self.vehicle
+        self.talk.hear_mode()
+        heard = vehicle.heard
+        if heard.armed or heard.in_air or heard.mode != "OFFBOARD":
+            return False
+        vehicle.order(HOLD)
+        return self.talk.wait(lambda: vehicle.heard.mode != "OFFBOARD", _SWITCH_TIMEOUT_S)
+
+    def find_holding(self) -> None:
+        """Make sure that a flying drone hovers; silently: set-points would revive a lost OFFBOARD.
+
+        Raises:
+            PlatformError: consent has gone, or it flies in another mode.
+        """
+        holds = self.talk.wait(
+            lambda: self.vehicle.heard.mode == "HOLD", _SWITCH_TIMEOUT_S, self._helm.require_consent
+        )
+        if not holds:
+            raise PlatformError("the drone flies and is not in HOLD: switch it to Hold, or land it, first")
+
+    def climb(self) -> None:
+        """Arm and take off; return when the autopilot has ended its take-off by going to HOLD.
+
+        Raises:
+            PlatformError: consent has gone, or the autopilot did not do what it was asked for.
+        """
+        vehicle, height_m = self.vehicle, self._connection.takeoff_altitude_m
+        self.leave_offboard()
+        self.talk.demand(
+            lambda: _can_arm(vehicle.heard),
+            self._connection.ready_timeout_s,
+            "the autopilot is not ready to arm: the preflight says why",
+        )
+        vehicle.set_takeoff_altitude(height_m)  # blocks: nothing has to be stopped yet
+        if vehicle.heard.position_ned_m is not None:
+            self._helm.ground_down_m = vehicle.heard.position_ned_m[2]
+        self._helm.take_charge()
+        self._helm.expect(vehicle, vehicle.heard.mode)
+        self.talk.order(ARM)
+        self.talk.order(TAKE_OFF, "TAKEOFF", "HOLD")
+        settled_ns = self.talk.deadline_ns(_SETTLE_S)
+        self.talk.demand(
+            lambda: vehicle.heard.mode_t_ns > settled_ns, _SWITCH_TIMEOUT_S, "no mode told after take-off"
+        )
+        self._helm.expect(vehicle, "TAKEOFF", "HOLD")
+        self.talk.demand(
+            lambda: vehicle.heard.mode == "HOLD",
+            _CLIMB_TIMEOUT_S,
+            f"the drone did not climb to {height_m:g} m",
+        )
+        ends_m = height_m - min(self.acceptance_m, height_m / 2) - _DRIFT_M
+        if self._helm.altitude_m(vehicle.heard) < ends_m:
+            self._helm.lose("the drone went to HOLD before its take-off was over: by its pilot")
+        self.talk.demand(
+            lambda: self._helm.altitude_m(vehicle.heard) > _REACHED * height_m,
+            _CLIMB_TIMEOUT_S,
+            f"the drone did not climb to {height_m:g} m and hold there",
+        )
+
+    def enter_offboard(self, proven_ns: int) -> None:
+        """Switch from HOLD, and only from HOLD: a take-off that ends would undo an earlier switch.
+
+        Args:
+            proven_ns: when set-points will have gone out for long enough.
+
+        Raises:
+            PlatformError: consent has gone, or the autopilot does not go to OFFBOARD.
+        """
+        vehicle = self.vehicle
+        self._helm.expect(vehicle, "HOLD")
+        self.talk.wait(lambda: self._clock.now_ns() >= proven_ns, PROOF_OF_LIFE_S, self.talk.keep_alive)
+        self._helm.take_charge()
+        if not self.talk.is_ours():
+            self._helm.require_consent()
+        self._helm.hold_altitude(vehicle, altitude_band(self._connection, self._limits))
+        for _ in range(2):
+            self.talk.order(OFFBOARD, "OFFBOARD")
+            if self.talk.wait(
+                lambda: vehicle.heard.mode == "OFFBOARD", _SWITCH_TIMEOUT_S, self.talk.keep_alive
+            ):
+                self._helm.engage(vehicle)
+                return
+        why = vehicle.heard.complaint or "it gave no reason"
+        raise PlatformError(f"the autopilot did not go to OFFBOARD: {why}")
+
+    def land(self) -> bool:
+        """Order LAND, and on the ground to disarm as well; return whether the drone was still ours.
+
+        Raises:
+            PlatformError: LAND was not acknowledged, or the autopilot does not tell whose the drone is.
+        """
+        if not self.talk.order_down(LAND, "LAND", "HOLD"):
+            return False
+        if self.vehicle.heard.on_ground:
+            self._helm.order_down(
+                self.vehicle, DISARM
+            )  # refused while the thrust ramps up: then LAND does it
+        return True
+
+    def await_rest(self, asked_ns: int, unless_closing: Callable[[], None]) -> None:
+        """Wait until a landing drone stands disarmed, or is somebody else's.
+
+        Args:
+            asked_ns: when that was asked for; what was heard before does not count.
+            unless_closing: called again and again; ends the wait by raising.
+
+        Raises:
+            PlatformError: it does not come to rest within 60 s.
+        """
+        heard = self.vehicle.heard
+        settled_ns = self.talk.deadline_ns(_SWITCH_TIMEOUT_S)
+
+        def over() -> bool:
+            nonlocal heard
+            heard = self.vehicle.heard
+            stands = heard.armed_t_ns > asked_ns and not heard.armed and heard.on_ground
+            return stands or self._gone(heard, settled_ns)
+
+        if not self.talk.wait(over, _LANDING_TIMEOUT_S, unless_closing):
+            raise PlatformError(
+                f"not landed and disarmed {_LANDING_TIMEOUT_S:g} s after LAND: "
+                "take over with the remote control, land and disarm by hand"
+            )
+        if self._gone(heard, settled_ns):
+            self._helm.lose(f"the drone went to {heard.mode} while it landed: by its pilot")
+
+    @staticmethod
+    def _gone(heard: Heard, settled_ns: int) -> bool:
+        """Tell whether a drone that was landing flies on in another mode."""
+        flies = heard.armed and heard.in_air and heard.mode_t_ns > settled_ns
+        return flies and heard.mode not in LANDING_MODES
+
+    @property
+    def near_ground(self) -> bool:
+        """Whether the drone may stand on the ground still, whatever its thrust does."""
+        heard = self.vehicle.heard
+        low = heard.landed is Landed.TAKING_OFF and self._helm.altitude_m(heard) < _NEAR_GROUND_M
+        return heard.on_ground or low
+
+
+def _can_arm(heard: Heard) -> bool:
+    return heard.armable and heard.on_ground and heard.position_ned_m is not None

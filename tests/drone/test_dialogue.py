@@ -1,0 +1,155 @@
+"""Whose the drone is, at any moment and over any latency; exact time, a vehicle of a few lines."""
+
+import dataclasses
+from functools import partial
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.runtime.clock import FakeClock
+from adatracker_drone.connection import Connection
+from adatracker_drone.dialogue import Dialogue
+from adatracker_drone.heard import Heard
+from adatracker_drone.helm import Helm
+from adatracker_drone.orders import HOLD, LAND, OFFBOARD, TAKE_OFF, TELL_MODE
+from adatracker_drone.vehicle import Answer
+
+DENIED = 2
+
+
+class Telling(FakeClock):
+    """Time in which a vehicle's news arrive."""
+
+    def __init__(self):
+        super().__init__()
+        self.news = []
+
+    def sleep_until(self, t_ns):
+        for at_ns, tell in sorted(self.news, key=lambda each: each[0]):
+            if at_ns <= t_ns:
+                self.t_ns = max(self.t_ns, at_ns)
+                tell()
+        self.news = [(at_ns, tell) for at_ns, tell in self.news if at_ns > t_ns]
+        super().sleep_until(t_ns)
+
+
+class Vehicle:
+    """In OFFBOARD until its pilot switches; answers orders after a round trip, and beats once a second."""
+
+    def __init__(self, clock, helm, *, round_trip_s=0.01, pilot_s=1e9, tells=True, grants=True):
+        self.heard = Heard(mode="OFFBOARD")
+        self.strangers = 0
+        self.orders = []
+        self.asked_s = -1.0
+        self._clock, self._helm = clock, helm
+        self._round_trip_ns, self._pilot_s = round(round_trip_s * 1e9), pilot_s
+        self._tells, self._grants = tells, grants
+        self._answers = {}
+        for second in range(20):
+            at_ns = clock.t_ns + round((second + 0.5) * 1e9)
+            mode = self.mode_at(second + 0.5 - round_trip_s / 2)
+            clock.news.append((at_ns, partial(self.tell, mode)))
+
+    @property
+    def now_s(self):
+        return self._clock.t_ns / 1e9 - 1.0
+
+    def mode_at(self, at_s):
+        return "POSCTL" if at_s >= self._pilot_s else "OFFBOARD"
+
+    def tell(self, mode):
+        self.heard = dataclasses.replace(self.heard, mode=mode, mode_t_ns=self._clock.t_ns)
+        self._helm.on_mode(mode)
+
+    def order(self, order):
+        if order is TELL_MODE:
+            self.asked_s = self.now_s
+            mode = self.mode_at(self.now_s + self._round_trip_ns / 2e9)
+        else:
+            self.orders.append((self.now_s, order))
+        if not self._tells:
+            return
+
+        def arrive():
+            if order is TELL_MODE and self._grants:
+                self.tell(mode)
+            before = self._answers.get(order.command, Answer())
+            granted = order is not TELL_MODE or self._grants
+            self._answers[order.command] = Answer(before.number + 1, 0 if granted else DENIED)
+
+        self._clock.news.append((self._clock.t_ns + self._round_trip_ns, arrive))
+
+    def answer(self, order):
+        return self._answers.get(order.command, Answer())
+
+    def send_velocity(self, command, now_ns):
+        pass
+
+
+def flying(**made):
+    clock = Telling()
+    helm = Helm(Connection(), clock)
+    vehicle = Vehicle(clock, helm, **made)
+    helm.give_consent()
+    helm.take_charge()
+    helm.engage(vehicle)
+    return clock, helm, vehicle, Dialogue(vehicle, helm, clock)
+
+
+@given(
+    pilot_s=st.floats(0, 2),
+    stop_s=st.floats(0, 2),
+    round_trip_s=st.floats(0.001, 0.15),
+    grants=st.booleans(),
+    order=st.sampled_from([HOLD, LAND]),
+)
+def test_a_pilot_who_switched_before_the_drone_was_asked_is_never_overridden(
+    pilot_s, stop_s, round_trip_s, grants, order
+):
+    clock, helm, vehicle, talk = flying(pilot_s=pilot_s, round_trip_s=round_trip_s, grants=grants)
+    clock.sleep_until(clock.t_ns + round(stop_s * 1e9))
+    helm.withdraw(vehicle, "enough")
+    try:
+        ours = talk.order_down(order, "LAND", "HOLD")
+    except PlatformError:
+        ours = False
+    assert bool(vehicle.orders) == ours
+    if ours and grants:
+        assert pilot_s > vehicle.asked_s
+    if ours:
+        (at_s, _), *_ = vehicle.orders
+        assert pilot_s > at_s - 0.05 - round_trip_s, "what was on its way is as old as that"
+
+
+@given(stop_s=st.floats(0, 2), round_trip_s=st.floats(0.001, 0.15))
+def test_a_drone_that_nobody_took_is_told_within_a_round_trip(stop_s, round_trip_s):
+    clock, helm, vehicle, talk = flying(round_trip_s=round_trip_s)
+    clock.sleep_until(clock.t_ns + round(stop_s * 1e9))
+    helm.withdraw(vehicle, "enough")
+    stopped_s = vehicle.now_s
+    assert talk.order_down(LAND, "LAND")
+    (at_s, order), *_ = vehicle.orders
+    assert order is LAND
+    assert at_s - stopped_s < round_trip_s + 0.06
+
+
+def test_a_drone_that_tells_nothing_is_told_nothing():
+    _, helm, vehicle, talk = flying(tells=False)
+    vehicle._clock.news.clear()
+    helm.withdraw(vehicle, "enough")
+    with pytest.raises(PlatformError, match="nobody knows whose the drone is"):
+        talk.order_down(LAND, "LAND")
+    assert vehicle.orders == []
+    assert helm.in_charge, "it may still tell later"
+
+
+@pytest.mark.parametrize("order", [TAKE_OFF, OFFBOARD])
+def test_an_order_towards_flight_is_not_repeated_once_it_was_stopped(order):
+    clock, helm, vehicle, talk = flying(tells=False)
+    clock.news.append((clock.t_ns + 100_000_000, lambda: helm.withdraw(reason="enough")))
+    with pytest.raises(PlatformError, match="enough"):
+        talk.order(order, "TAKEOFF")
+    assert [each for _, each in vehicle.orders] == [order]
+    assert vehicle.now_s < 0.15, "and the stop waits for no time-out"
