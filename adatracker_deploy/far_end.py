@@ -145,6 +145,7 @@ class Orders:
             case "witness":
                 with contextlib.suppress(OSError):  # it is not the robot's business
                     self.witness = Witness(Path(what))
+                    self.witness.process("robot")
                 return
             case _:
                 return

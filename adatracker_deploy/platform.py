@@ -175,6 +175,8 @@ class Sitl(abc.ABC):
 
     faults: ClassVar[tuple[Fault, ...]] = ()
     """What can be made to go wrong with it, by `order`."""
+    witness: Path | None = None
+    """The file in which its robot's witness writes already; None before it was ordered to."""
 
     @abc.abstractmethod
     def start(self, clock: Clock, scenario: Scenario) -> Profile:

@@ -9,7 +9,9 @@ from __future__ import annotations
 import contextlib
 import gc
 import math
+import os
 import signal
+import tempfile
 import time
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
@@ -21,6 +23,7 @@ from adatracker_deploy.perception.pipeline import Perception, Seen, refuse_hung
 from adatracker_deploy.perception.sources import open_source
 from adatracker_deploy.perception.world_camera import WorldCamera
 from adatracker_deploy.platform import ZERO
+from adatracker_deploy.runtime import pause
 from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_deploy.runtime.engagement import Engagement
 from adatracker_deploy.runtime.link_process import LinkProcess
@@ -79,6 +82,8 @@ class TrialPlan:
     """Of the loop's thread and of the link."""
     faults: tuple[Strike, ...] = ()
     """What shall go wrong in a rehearsal, and when."""
+    far_end: Sitl | None = None
+    """A far end that somebody else has started; None to start one."""
 
 
 class Progress(Protocol):
@@ -115,7 +120,7 @@ class _Trial:
         self.progress = progress
         self.started_s = started_s
         self.stack = stack
-        self.clock = MonotonicClock(speed=plan.speed)
+        self.clock = _clock(plan, stack)
         self.tally = Tally()
         self.errors: list[str] = []
         self.injection: Injection | None = None
@@ -127,13 +132,14 @@ class _Trial:
         refuse_hung(plan.segmenter)
         if plan.sitl:
             self.progress.phase(f"starting the simulated {plan.platform.name}")
-            far_end = self.stack.enter_context(plan.platform.sitl(profile))
+            far_end = self.stack.enter_context(plan.far_end or plan.platform.sitl(profile))
             profile = far_end.start(self.clock, plan.scenario)
             if plan.faults:
                 plan = self._injected(far_end)
         robot = DryRun if plan.dry_run else plan.platform
         self.awake = self.stack.enter_context(plan.scheduling.awake())
         self.link = self.stack.enter_context(LinkProcess(robot, profile, self.clock, plan.scheduling))
+        self._in_phase("connecting")
         self.engagement = Engagement(self.link, self.clock, self._reached)
         camera = self._open_camera(profile)
         self.progress.phase("connecting")
@@ -154,7 +160,7 @@ class _Trial:
         if self.log.trouble:
             raise PlatformError(f"the trial cannot be logged: {self.log.trouble}")
         if self.injection is not None:
-            self.injection.attend(self.log, self.link)
+            self.injection.attend(self.log)
         for name in profile.limits.switched_off:
             self._warn(f"the gate goes without {name}: profile {profile.name} has it in limits: switched_off")
         try:
@@ -172,7 +178,8 @@ class _Trial:
         """Return the plan with parts that can go wrong."""
         from adatracker_deploy.faults.injection import Injection  # which no real robot's process holds
 
-        plan, injection = self.plan, Injection(self.plan.faults, far_end, self.clock)
+        plan = self.plan
+        injection = Injection(plan.faults, far_end, self.clock, plan.log_dir)
         self.injection = injection
         self.stack.callback(injection.close)
         self.plan = replace(
@@ -229,11 +236,13 @@ class _Trial:
     def _engage_and_follow(self, camera: Camera, profile: Profile) -> Ending:
         plan = self.plan
         self.progress.phase("engaging")
+        self._in_phase("engaging")
         self.engagement.begin()
         rate_hz = profile.camera.rate_hz if self.drawn else LOOK_HZ * self.clock.speed
         plan.segmenter.reset()
         perception = self.stack.enter_context(Perception(camera, plan.segmenter, self.clock, rate_hz))
         self.progress.phase(f"looking for the person, for {FIRST_SIGHT_TIMEOUT_S:g} s at most")
+        self._in_phase("looking")
         self._await_first_sight(perception)
         plan.policy.reset(plan.scenario.seed)
         camera.go()
@@ -274,8 +283,7 @@ class _Trial:
                 raise PlatformError(f"no person was seen within {FIRST_SIGHT_TIMEOUT_S:g} s")
 
     def _write(self, record: StepRecord, seen: Seen) -> None:
-        if self.injection is not None:
-            self.injection.follow()
+        self._in_phase("following")
         self.tally.add(record)
         self.log.step(record, seen.frame, seen.observation)
         self._log_events()
@@ -304,18 +312,20 @@ class _Trial:
         """Bring the robot to rest, close the log and sum up."""
         self.progress.phase(f"{ending.outcome}{': ' if ending.reason else ''}{ending.reason}; stopping")
         self.log.event("info", f"{ending.outcome} {ending.reason}".strip(), self.clock.now_ns())
+        self._in_phase("stopping")
         stop_s = None
         try:
             stop_s = self.engagement.stand_still(ending.outcome)
             if self.injection is not None:
                 self.injection.outlast()  # held, with everything in place: what is mended resumes nothing
             self.progress.phase("disengaging")
+            self._in_phase("disengaging")
             self.engagement.end(ending.outcome)
         except PlatformError as error:
             self.progress.phase(f"warning: {error}")
             self.log.event("error", str(error), self.clock.now_ns())
         if self.injection is not None:
-            self.injection.close()
+            self.injection.settle()
         self._log_events()
         if self.errors and ending.outcome == "completed":
             ending = Ending("system_fault", self.errors[-1])  # a drone that did not land is no success
@@ -331,7 +341,13 @@ class _Trial:
         self.log.close(summary)
         if self.log.trouble:
             self.progress.phase(f"warning: the log is not whole: {self.log.trouble}")
+        self._in_phase("between")
         return summary
+
+    def _in_phase(self, name: str) -> None:
+        """Tell whoever injects faults that a phase begins."""
+        if self.injection is not None:
+            self.injection.enter(name, self.link)
 
     def _config(self, profile: Profile) -> dict[str, Any]:
         """What the log says of the run itself."""
@@ -345,11 +361,21 @@ class _Trial:
             "camera": shown,
             "segmenter": plan.segmenter_name,
             "frames": plan.frames,
-            "faults": [f"{strike.fault.name}@{strike.at_s:g}" for strike in plan.faults],
+            "faults": [str(strike) for strike in plan.faults],
             "speed": plan.speed,
             "realtime": plan.scheduling.realtime,
             "cpus": sorted(plan.scheduling.cpus),
         }
+
+
+def _clock(plan: TrialPlan, stack: contextlib.ExitStack) -> MonotonicClock:
+    """Return the run's clock; where the machine shall be suspended, one that can stand still."""
+    if not any(strike.fault.name == "suspend" for strike in plan.faults):
+        return MonotonicClock(speed=plan.speed)
+    folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="adatracker-pause-"))
+    path = os.path.join(folder, "pause")
+    pause.create(path)
+    return MonotonicClock(speed=plan.speed, pause=path)
 
 
 @contextlib.contextmanager

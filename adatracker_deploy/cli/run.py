@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from adatracker_deploy.faults.schedule import Strike
     from adatracker_deploy.perception.segmenter import Segmenter
-    from adatracker_deploy.platform import Platform
+    from adatracker_deploy.platform import Platform, Sitl
     from adatracker_deploy.profile import Profile
     from adatracker_deploy.runtime.scheduling import Scheduling
     from adatracker_deploy.trial_run import TrialPlan
@@ -83,9 +83,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--fault",
         action="append",
         default=[],
-        metavar="NAME@S,...",
-        help="with --sitl: make this go wrong so many seconds after the first followed tick (docs/safety.md)",
+        metavar="NAME@WHEN,...",
+        help="with --sitl: make this go wrong so many seconds after the first followed tick, or in a PHASE of "
+        "the trial, PHASE+SECONDS (docs/safety.md)",
     )
+    how.add_argument("--far-end", type=Path, help=argparse.SUPPRESS)  # the fault matrix's, still running
     view = parser.add_argument_group("what it sees")
     view.add_argument(
         "--camera",
@@ -293,6 +295,7 @@ def _plan(args: argparse.Namespace, name: str) -> TrialPlan:
         log_dir=args.log_dir,
         scheduling=scheduling,
         faults=faults,
+        far_end=_far_end(args, platform, profile),
     )
 
 
@@ -315,7 +318,16 @@ def _faults(args: argparse.Namespace, platform: type[Platform], profile: Profile
         raise UsageError("--fault counts in the machine's seconds: drop --speed")
     if args.camera:
         raise UsageError("--fault is for the simulated robot with its own camera: drop --camera")
-    return parse_schedule(args.fault, known_faults(platform.sitl(profile).faults))
+    known = known_faults(platform.sitl(profile).faults)
+    return parse_schedule(args.fault, known, flies="vz" in platform.axes)
+
+
+def _far_end(args: argparse.Namespace, platform: type[Platform], profile: Profile) -> Sitl | None:
+    if args.far_end is None or not args.sitl:
+        return None
+    from adatracker_deploy.faults.running_far_end import RunningFarEnd
+
+    return RunningFarEnd(args.far_end, platform, profile)
 
 
 def _segmenter(

@@ -23,6 +23,7 @@ CAMERA_GONE = Fault("camera_gone", "the camera's server is gone, and comes back"
 LINK_DROP = Fault("link_drop", "the wire is cut, and mended", 2.0)
 ROBOT_SILENT = Fault("robot_silent", "the robot hears but tells nothing", 2.0)
 BATTERY_LOW = Fault("battery_low", "5 % of the charge are left")
+TAKEOVER = Fault("takeover", "somebody else takes the robot: a pilot, or a remote control", 2.0)
 """What a far end may know how to do: a `Sitl` lists those that its own does."""
 
 OURS = (
@@ -39,6 +40,9 @@ OURS = (
     Fault("link_kill", "the link's process is killed (SIGKILL)"),
     Fault("interrupt", "Ctrl-C (SIGINT)"),
     Fault("terminate", "SIGTERM"),
+    Fault("hangup", "its terminal is gone (SIGHUP), as when an SSH session drops"),
+    Fault("robot_frozen", "the robot's process is stopped (SIGSTOP), and continued", 2.0),
+    Fault("suspend", "the machine sleeps: all its programs and its monotonic clock stand still", 2.0),
     Fault("cpu_hogs", "four processes take all the processor that they can get", 3.0),
     Fault("gc_pause", "the tracker's interpreter stands still for 0.1 s, as in a full collection"),
     Fault("disk_full", "the log's file cannot grow any more"),

@@ -143,6 +143,9 @@ class FarEnd:
             self._send(self._autopilot.transmit())
         velocity = self._body.velocity
         self._orders.witness.speed(math.hypot(velocity.vx, velocity.vy))
+        self._orders.witness.flight(velocity.vz, self._body.pose.z)
+        commander = self._autopilot.commander
+        self._orders.witness.mode(commander.mode.name, armed=commander.armed)
 
     def _send(self, messages: list[Message]) -> None:
         mute = self._orders.faults & {LINK_DROP.name, ROBOT_SILENT.name}
