@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import gc
 import math
-import os
 import signal
 import tempfile
 import time
@@ -373,7 +372,7 @@ def _clock(plan: TrialPlan, stack: contextlib.ExitStack) -> MonotonicClock:
     if not any(strike.fault.name == "suspend" for strike in plan.faults):
         return MonotonicClock(speed=plan.speed)
     folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="adatracker-pause-"))
-    path = os.path.join(folder, "pause")
+    path = f"{folder}/pause"
     pause.create(path)
     return MonotonicClock(speed=plan.speed, pause=path)
 

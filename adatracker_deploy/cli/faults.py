@@ -93,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
     told = itertools.count(1)
 
     def tell(result: Result) -> None:
-        time_s = "-" if result.told_s is None else f"{result.told_s:.2f} s"
+        time_s = "-" if result.value_s is None else f"{result.value_s:.2f}"
         again = f", try {result.tries}" if result.tries > 1 else ""
         console.print(
             f"{next(told)}/{len(jobs)} {result.platform} {result.name}: {result.verdict}, {time_s}, machine "

@@ -84,8 +84,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME@WHEN,...",
-        help="with --sitl: make this go wrong so many seconds after the first followed tick, or in a PHASE of "
-        "the trial, PHASE+SECONDS (docs/safety.md)",
+        help="with --sitl: make this go wrong so many seconds after the first followed tick, or in a phase "
+        "of the trial: PHASE, PHASE+SECONDS (docs/safety.md)",
     )
     how.add_argument("--far-end", type=Path, help=argparse.SUPPRESS)  # the fault matrix's, still running
     view = parser.add_argument_group("what it sees")

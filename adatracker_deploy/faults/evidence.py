@@ -1,4 +1,4 @@
-"""What a row left, and whether its fault really took effect: by what others saw, never by who injected it. Pure."""
+"""What a row left, and whether its fault took effect: by what others saw, never by who injected it. Pure."""
 
 from __future__ import annotations
 

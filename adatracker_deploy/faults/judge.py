@@ -164,22 +164,20 @@ def _shows_nothing(row: Row, evidence: Evidence, onset_ns: int) -> str:
 
 def _not_as_it_should(row: Row, evidence: Evidence, onset_ns: int, *, flies: bool) -> str:
     """Say what came otherwise than it must, besides being late; empty when nothing did."""
-    account = evidence.account
-    if evidence.outcome not in row.endings:
-        return f"ended as {evidence.outcome or 'nothing'}: {evidence.reason}"
-    if row.words and not re.search(row.words, evidence.reason, re.IGNORECASE):
-        return f"another reason was given: {evidence.reason or 'none'}"
-    if row.ends_run and any(began_ns > onset_ns for began_ns, phase in account.phases if phase == "engaging"):
-        return "another trial was engaged after it"
-    if flies and row.stops and (late_s := _offboard_after_s(account, onset_ns)) is not None:
-        return f"OFFBOARD {late_s:.1f} s after it"
-    if not account.off and row.lands:
-        return "the robot was not seen to come to rest"
-    if flies and row.lands and account.flight and account.flight[-1].height_m > LANDED_M:
-        return f"not landed: {account.flight[-1].height_m:.1f} m high"
-    if row.measure != "log" and not evidence.log_whole:
-        return "the log is not whole"
-    return ""
+    account, reason = evidence.account, evidence.reason
+    engaged = any(began_ns > onset_ns for began_ns, phase in account.phases if phase == TrialPhase.ENGAGING)
+    offboard_s = _offboard_after_s(account, onset_ns) if flies and row.stops else None
+    height_m = account.flight[-1].height_m if account.flight else 0.0
+    found = (
+        (evidence.outcome not in row.endings, f"ended as {evidence.outcome or 'nothing'}: {reason}"),
+        (not re.search(row.words, reason, re.IGNORECASE), f"another reason was given: {reason or 'none'}"),
+        (row.ends_run and engaged, "another trial was engaged after it"),
+        (offboard_s is not None, f"OFFBOARD {offboard_s or 0:.1f} s after it"),
+        (row.lands and not account.off, "the robot was not seen to come to rest"),
+        (row.lands and height_m > LANDED_M, f"not landed: {height_m:.1f} m high"),
+        (row.measure != "log" and not evidence.log_whole, "the log is not whole"),
+    )
+    return next((words for is_so, words in found if is_so), "")
 
 
 def _offboard_after_s(account: Account, onset_ns: int) -> float | None:
@@ -252,18 +250,15 @@ def _since(onset_ns: int, times_ns: Iterable[int]) -> float:
 
 def _limit(row: Row, limit_s: float) -> str:
     """Say what is allowed, in few words."""
-    match row.measure:
-        case "gap":
-            return "gate 10 ms"
-        case "burst":
-            return "no burst"
-        case "acceleration":
-            return "accelerates"
-        case "log":
-            return "goes on"
-        case "woken":
-            return "nothing after waking" if not limit_s else f"woken {limit_s:g} s"
-        case "told" | "quiet" if not limit_s:
-            return "told nothing"
-        case _:
-            return f"{row.measure} {limit_s:g} s"
+    if row.measure in _GOES_ON:
+        return _GOES_ON[row.measure]
+    return f"{row.measure} {limit_s:g} s"
+
+
+_GOES_ON: dict[Measure, str] = {
+    "gap": "gate 10 ms",
+    "burst": "no burst",
+    "acceleration": "accelerates",
+    "log": "goes on",
+}
+"""What is allowed where the robot goes on."""

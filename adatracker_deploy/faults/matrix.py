@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from adatracker_deploy.faults.phases import TrialPhase
 
-FOLLOWED_S = 3.0
+FOLLOWED_S = 2.0
 """When a fault strikes a robot that follows: the person walks, and the robot has come up to speed."""
 
 Measure = Literal[

@@ -1,4 +1,4 @@
-"""What is to go wrong when: ``camera_freeze@5,interrupt@climbing+0.2``, read, checked and put in order. Pure."""
+"""What is to go wrong when: ``camera_freeze@5,interrupt@climbing``, read, checked and put in order. Pure."""
 
 from __future__ import annotations
 

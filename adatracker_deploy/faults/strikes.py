@@ -14,8 +14,6 @@ import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.runtime import pause
-
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path

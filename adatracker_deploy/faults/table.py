@@ -32,16 +32,21 @@ def results_table(results: Sequence[Result]) -> RenderableType:
     table = Table(box=box.SIMPLE_HEAD, padding=0, show_edge=False, caption=_CAPTION, caption_justify="left")
     for column in ("fault", "robot", "limit"):
         table.add_column(column, no_wrap=True)
-    for column in ("at m/s", "told", "latched", "stands", "stall"):
+    for column in ("time", "at m/s", "stands", "stall"):
         table.add_column(column, justify="right", no_wrap=True)
     table.add_column("verdict", no_wrap=True)
-    for result in results:
-        if _unshown(result):
-            continue
-        times = (result.onset_m_s, result.told_s, result.latched_s, result.stands_s, result.stall_s)
+    phase = TrialPhase.FOLLOWING
+    shown = [result for result in results if not _unshown(result)]
+    for result in sorted(shown, key=lambda result: ORDER.index(TrialPhase(result.phase))):
+        if result.phase != phase:
+            phase = TrialPhase(result.phase)
+            table.add_section()
+            table.add_row(Text(f"{phase}:", "bold"))
+        value_s = result.value_s if result.told_s is not None else None
+        times = (value_s, result.onset_m_s, result.stands_s, result.stall_s)
         again = f" ({result.tries})" if result.tries > 1 else ""
         table.add_row(
-            *map(Text, (result.name, result.platform, result.limit)),
+            *map(Text, (f"{result.fault}{result.variant}", result.platform, result.limit)),
             *(Text(_seconds(time_s)) for time_s in times),
             Text(result.verdict + again, _COLOURS[result.verdict]),
         )
@@ -51,9 +56,10 @@ def results_table(results: Sequence[Result]) -> RenderableType:
 
 
 _CAPTION = (
-    "seconds from the onset. at: the robot's true speed then; told: the last motion command that reached the robot; latched: the link's stop; "
-    "stands: the robot's true speed; stall: how long the machine itself stood still about the onset; in "
-    "brackets how often a row was run"
+    "seconds from the onset; time: what the limit is of. told: the last motion command that reached the "
+    "robot; quiet: the last while the fault lasts; woken: the last after the machine's sleep; latched: the "
+    "link's stop; climbs: when a drone last did; stands: the robot's true speed, 'at' is the onset's; "
+    "stall: how long the machine itself stood still about the onset; in brackets how often a row was run"
 )
 
 
@@ -97,9 +103,7 @@ def markdown(results: Sequence[Result], day: str) -> str:
     robots = list(dict.fromkeys(result.platform for result in results))
     following = [result for result in results if result.phase == TrialPhase.FOLLOWING]
     lines = [
-        f"Measured on {day}. In each field: the robot's true speed at the onset, the time that the limit is of, "
-        "when the robot",
-        "stood, and, in brackets, the machine's own longest stall about the onset; in m/s and s.",
+        *_READ_AS.format(day=day).splitlines(),
         "",
         f"| fault | what happens | limit | {' | '.join(robots)} |",
         f"|---|---|---|{'---|' * len(robots)}",
@@ -116,15 +120,21 @@ def markdown(results: Sequence[Result], day: str) -> str:
     return "\n".join((*lines, ""))
 
 
+_READ_AS = """\
+While the robot follows, measured on {day}. In each field: its true speed at the onset (m/s), the time that
+the limit is of, when the robot stood, and, in brackets, the machine's own longest stall about the onset (s)."""
+_PHASES_READ_AS = """\
+In the other phases. In each field also who noticed first, what was said, and what a second run did with the
+robot as it was left."""
+
+
 def _by_phase(results: Sequence[Result], robots: Sequence[str]) -> list[str]:
     """Return the lines of the second table: a line for each fault in each phase."""
     if not results:
         return []
     lines = [
         "",
-        "In the other phases. In each field also who noticed, what was said, and what a second run did with the "
-        "robot as it",
-        "was left:",
+        *_PHASES_READ_AS.splitlines(),
         "",
         f"| phase | fault | limit | {' | '.join(robots)} |",
         f"|---|---|---|{'---|' * len(robots)}",

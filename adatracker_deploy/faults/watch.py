@@ -1,4 +1,4 @@
-"""Watches a row's processes from outside, by /proc: who runs, who is stopped, who is gone, how busy all cores are.
+"""Watches a row's processes from outside, by /proc: who runs, is stopped or gone, and how busy the cores are.
 
 What it sees is evidence that a fault took effect; whoever injects has no part in it.
 """
@@ -49,7 +49,7 @@ class Seen:
     def busy_cores(self, since_ns: int, until_ns: int) -> float:
         """Return how many cores' time was taken within a span, on average; 0 where it was not watched."""
         span = [(t_ns, busy_ns) for t_ns, busy_ns in self.busy_ns if since_ns <= t_ns <= until_ns]
-        if len(span) < 2:  # noqa: PLR2004 -- a difference takes two
+        if len(span) < 2:
             return 0.0
         (began_ns, before_ns), (ended_ns, after_ns) = span[0], span[-1]
         return (after_ns - before_ns) / (ended_ns - began_ns)
