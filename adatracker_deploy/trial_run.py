@@ -9,10 +9,10 @@ from __future__ import annotations
 import contextlib
 import gc
 import math
-import signal
 import tempfile
 import time
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from adatracker_deploy.dry_run import DryRun
@@ -23,19 +23,20 @@ from adatracker_deploy.perception.sources import open_source
 from adatracker_deploy.perception.world_camera import WorldCamera
 from adatracker_deploy.platform import ZERO
 from adatracker_deploy.runtime import pause
+from adatracker_deploy.runtime.black_box import FILE_NAME
 from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_deploy.runtime.engagement import Engagement
 from adatracker_deploy.runtime.link_process import LinkProcess
 from adatracker_deploy.runtime.loop import Ending, Loop
+from adatracker_deploy.runtime.operator_stop import StopRequest
 from adatracker_deploy.runtime.scheduling import ORDINARY, Scheduling, obtained
+from adatracker_deploy.runtime.sleep_inhibitor import inhibited
 from adatracker_deploy.trial.live_port import app_url, websocket_url
 from adatracker_deploy.trial.log import TrialLog
+from adatracker_deploy.trial.record import RESULTS
 from adatracker_deploy.trial.tally import Tally
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
     from adatracker_deploy.faults.injection import Injection
     from adatracker_deploy.faults.schedule import Strike
     from adatracker_deploy.geometry import Pose
@@ -91,33 +92,48 @@ class Progress(Protocol):
     def phase(self, text: str) -> None:
         """Something begins."""
 
+    def logging(self, folder: Path) -> None:
+        """The trial's log is in this folder."""
+
     def step(self, record: StepRecord) -> None:
         """A tick is done."""
 
 
-def run_trial(plan: TrialPlan, progress: Progress, started_s: float) -> dict[str, Any]:
+def run_trial(
+    plan: TrialPlan, progress: Progress, started_s: float, stop: StopRequest | None = None
+) -> dict[str, Any]:
     """Run one trial and return its summary, which is also written to the trial's folder.
 
     Args:
         plan: what to run.
         progress: who is told.
         started_s: `time.monotonic` when all this began; only for what is printed.
+        stop: remembers who asks to stop while the trial ends.
 
     Raises:
         UsageError: a port is taken, a folder cannot be written, an extra is missing; nothing has moved.
         PlatformError: the robot does not answer or is not ready; nothing has moved.
     """
     with contextlib.ExitStack() as stack:
-        return _Trial(plan, progress, started_s, stack).run()
+        summary = _Trial(plan, progress, started_s, stop or StopRequest(), stack).run()
+    if summary["outcome"] in RESULTS:  # of what was stopped or failed every trace is kept
+        (Path(summary["trial"]) / FILE_NAME).unlink(missing_ok=True)
+    return summary
 
 
 class _Trial:
     def __init__(
-        self, plan: TrialPlan, progress: Progress, started_s: float, stack: contextlib.ExitStack
+        self,
+        plan: TrialPlan,
+        progress: Progress,
+        started_s: float,
+        stop: StopRequest,
+        stack: contextlib.ExitStack,
     ) -> None:
         self.plan = plan
         self.progress = progress
         self.started_s = started_s
+        self.stop = stop
         self.stack = stack
         self.clock = _clock(plan, stack)
         self.tally = Tally()
@@ -137,6 +153,8 @@ class _Trial:
                 plan = self._injected(far_end)
         robot = DryRun if plan.dry_run else plan.platform
         self.awake = self.stack.enter_context(plan.scheduling.awake())
+        moves = not (plan.sitl or plan.dry_run)
+        no_sleep = self.stack.enter_context(inhibited("a robot is driven")) if moves else ""
         self.link = self.stack.enter_context(LinkProcess(robot, profile, self.clock, plan.scheduling))
         self._in_phase("connecting")
         self.engagement = Engagement(self.link, self.clock, self._reached)
@@ -156,10 +174,16 @@ class _Trial:
         )
         if plan.live_port is not None:
             self.progress.phase(f"live view: {websocket_url(plan.live_port)}, or {app_url(plan.live_port)}")
+        self.progress.logging(self.log.folder)
+        self.link.record(self.log.folder / FILE_NAME)
         if self.log.trouble:
             raise PlatformError(f"the trial cannot be logged: {self.log.trouble}")
         if self.injection is not None:
             self.injection.attend(self.log)
+        if moves:
+            self._tell(
+                f"this machine {f'cannot go to sleep ({no_sleep})' if no_sleep else 'may go to sleep'}"
+            )
         for name in profile.limits.switched_off:
             self._warn(f"the gate goes without {name}: profile {profile.name} has it in limits: switched_off")
         try:
@@ -170,7 +194,7 @@ class _Trial:
             ending = Ending("completed" if plan.dry_run else "system_fault", str(error))
         except PlatformError as error:
             ending = Ending("system_fault", str(error))
-        with _uninterrupted():
+        with self.stop.finishing():
             return self._finish(ending)
 
     def _injected(self, far_end: Sitl) -> TrialPlan:
@@ -375,16 +399,3 @@ def _clock(plan: TrialPlan, stack: contextlib.ExitStack) -> MonotonicClock:
     path = f"{folder}/pause"
     pause.create(path)
     return MonotonicClock(speed=plan.speed, pause=path)
-
-
-@contextlib.contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """Let the robot come to rest and the log be closed: another Ctrl-C changes nothing."""
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    for number in handlers:
-        signal.signal(number, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        for number, handler in handlers.items():
-            signal.signal(number, handler)

@@ -66,6 +66,8 @@ class Silent:
         if text.startswith("following"):
             favour_robot()
 
+    def logging(self, folder): ...
+
     def step(self, _):
         self._stepped_s = time.monotonic()
 

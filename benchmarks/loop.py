@@ -57,6 +57,8 @@ class Recorder:
         if text.startswith("following"):
             self._hogs()
 
+    def logging(self, folder): ...
+
     def step(self, record):
         self.records.append(record)
 

@@ -14,7 +14,7 @@ from tests.report.pages import write_trial
 from tests.trial.records import a_step
 
 
-def short_trial(plan, progress, started_s):
+def short_trial(plan, progress, started_s, stop):
     number = len(list(plan.log_dir.iterdir())) + 1
     over = plan.log_dir.with_name(f"over-{number}")
     print(f"until {over}", flush=True)

@@ -92,7 +92,7 @@ class Rig:
         monkeypatch.setattr("adatracker_deploy.runtime.operator_stop.heard", _nobody)
         self._monkeypatch = monkeypatch
 
-    def _run(self, plan, progress, started_s):
+    def _run(self, plan, progress, started_s, stop):
         self.ran += 1
         outcome = self.ends.pop(0)
         folder = self.folder / f"{self.ran}"

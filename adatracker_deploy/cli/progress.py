@@ -7,6 +7,9 @@ import time
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
     from rich.console import Console
 
     from adatracker_deploy.trial.record import StepRecord
@@ -16,10 +19,17 @@ REDRAW_EVERY_S = 0.1
 
 
 class Progress:
-    """Shows phases and steps on a console."""
+    """Shows phases and steps on a console.
 
-    def __init__(self, console: Console, steps: int) -> None:
+    Args:
+        console: where.
+        steps: of the trial, planned.
+        logging: is told the folder of the trial's log.
+    """
+
+    def __init__(self, console: Console, steps: int, logging: Callable[[Path], None]) -> None:
         self._console = console
+        self.logging = logging
         self._steps = steps
         self._shown_s = -math.inf
         self._first: StepRecord | None = None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -50,24 +51,32 @@ def run(args: argparse.Namespace) -> int:
     from adatracker_deploy.profile import load_limits
     from adatracker_deploy.replay.trial_again import ask_again, gate_again
     from adatracker_deploy.replay.view import gate_record, gate_view, policy_record, policy_view
+    from adatracker_deploy.trial.aftermath import aftermath_of
     from adatracker_deploy.trial.reader import read_trial
 
     limits = None if args.profile is None else load_limits(args.profile)
     trial = read_trial(args.trial)
     again = ask_again(trial, _policy(args.policy, trial))
     judged = None if limits is None else gate_again(trial, limits)
+    after = None
+    if trial.summary is None:  # the log ended before its trial
+        after = aftermath_of(trial.path.parent, trial.steps[-1].t_ns if trial.steps else None)
     if args.plot is not None:
         _draw(args.plot, again)
     if args.json:
         record: dict[str, Any] = {"trial": str(trial.path.parent), **policy_record(again)}
         if judged is not None:
             record["gate"] = gate_record(judged)
+        if after is not None:
+            record["after_log"] = dataclasses.asdict(after)
         print(json.dumps(record, allow_nan=False))
     else:
         console = Console(highlight=False)
         console.print(policy_view(again), soft_wrap=True)
         if judged is not None:
             console.print(gate_view(judged), soft_wrap=True)
+        if after is not None:
+            console.print(after.summary, markup=False, soft_wrap=True)
         if args.plot is not None:
             console.print(str(args.plot), markup=False, soft_wrap=True)
     own = args.policy is None or again.same is not False

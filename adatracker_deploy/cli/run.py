@@ -7,32 +7,29 @@ import contextlib
 import dataclasses
 import json
 import os
-import signal
 import time
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 from adatracker_deploy.cli.ranges import real, whole
 from adatracker_deploy.cli.seeing import add_segmenter_options
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.policy.catalogue import DEFAULT
 from adatracker_deploy.trial.live_port import DEFAULT_PORT, choose_port
+from adatracker_deploy.trial.record import RESULTS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from rich.console import Console
 
     from adatracker_deploy.faults.schedule import Strike
     from adatracker_deploy.perception.segmenter import Segmenter
     from adatracker_deploy.platform import Platform, Sitl
     from adatracker_deploy.profile import Profile
+    from adatracker_deploy.runtime.operator_stop import StopRequest
+    from adatracker_deploy.runtime.running import Announcement
     from adatracker_deploy.runtime.scheduling import Scheduling
     from adatracker_deploy.trial_run import TrialPlan
-
-RESULTS = ("completed", "lost", "wrong_person", "collision")
-"""Outcomes that are results of a trial, not failures of the run."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -138,6 +135,8 @@ def run(args: argparse.Namespace) -> int:
     """Run the trials, show their scores, and return the exit status."""
     from rich.console import Console
 
+    from adatracker_deploy.runtime.operator_stop import StopRequest
+    from adatracker_deploy.runtime.running import Announcement
     from adatracker_deploy.trial.salvage import salvage_all
     from adatracker_deploy.trial.stage_table import stage_table
     from adatracker_deploy.trial.summary import summarise_set
@@ -147,39 +146,28 @@ def run(args: argparse.Namespace) -> int:
     console = Console(stderr=args.json)
     for line in salvage_all(args.log_dir):
         console.print(line, markup=False, soft_wrap=True)
-    with _stoppable(args):
-        summaries = _run_all(plans, args, console)
+    with contextlib.closing(Announcement(args.platform)) as announcement:
+        stop = StopRequest(announcement.stopping)
+        with stop.listening():
+            summaries = _run_all(plans, args, console, announcement, stop)
     if any(summary["rate_hz"] for summary in summaries):
         console.print(stage_table(summaries))
     console.print(summary_table(summaries))
     if args.json:
         print(json.dumps(summaries[0] if len(plans) == 1 else summarise_set(summaries)))
     outcomes = {summary["outcome"] for summary in summaries}
-    if "interrupted" in outcomes:
+    if stop.asked or "interrupted" in outcomes:
         return 130
     return 0 if outcomes.issubset(RESULTS) else 1
 
 
-@contextlib.contextmanager
-def _stoppable(args: argparse.Namespace) -> Iterator[None]:
-    """Let the operator stop the trials by signals, and so by `adatracker-deploy stop`."""
-    from adatracker_deploy.runtime.running import Announcement
-
-    with contextlib.closing(Announcement(args.platform)) as announcement:
-
-        def stop(*_: object) -> NoReturn:
-            announcement.stopping()
-            raise KeyboardInterrupt
-
-        before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
-        try:
-            yield
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
-
-
-def _run_all(plans: list[TrialPlan], args: argparse.Namespace, console: Console) -> list[dict[str, Any]]:
+def _run_all(
+    plans: list[TrialPlan],
+    args: argparse.Namespace,
+    console: Console,
+    announcement: Announcement,
+    stop: StopRequest,
+) -> list[dict[str, Any]]:
     """Run the trials; Enter and `--stop-fd` stop one that runs, and nothing while the operator is asked."""
     from adatracker_deploy.cli import STARTED_S, asking
     from adatracker_deploy.cli.progress import Progress
@@ -192,20 +180,23 @@ def _run_all(plans: list[TrialPlan], args: argparse.Namespace, console: Console)
     for number, plan in enumerate(plans, start=1):
         if len(plans) > 1:
             console.rule(f"{plan.platform.name}, trial {number} of {len(plans)}")
-        with heard(args.stop_fd) as enter:
+        with stop.trial(), heard(args.stop_fd) as enter:
             if enter:
                 console.print("Enter or Ctrl-C stops")
-            summary = run_trial(plan, Progress(console, plan.steps), started_s)
+            progress = Progress(console, plan.steps, announcement.logging)
+            summary = run_trial(plan, progress, started_s, stop)
         ended, last = summary["outcome"], number == len(plans)
-        go_on = not last and _may_follow(plan, ended)
+        go_on = not (last or stop.asked) and _may_follow(plan, ended)
         if asks:
             summary, go_on = asking.mark(summary, console, partial(_may_follow, plan) if go_on else None)
         summaries.append(summary)
         started_s = time.monotonic()
         stopped = not (_may_follow(plan, ended) and _may_follow(plan, summary["outcome"]))
-        if stopped and not last and ended != "interrupted":
+        if stop.asked and not last and ended != "interrupted":
+            console.print("no further trial: a stop was asked for while this one ended")
+        elif stopped and not last and ended != "interrupted":
             console.print("no further trial: after a stop a real robot moves again only when it is told to")
-        if not go_on:
+        if stop.asked or not go_on:
             break
     return summaries
 

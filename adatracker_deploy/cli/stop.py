@@ -1,17 +1,20 @@
-"""``stop``: every trial that this user runs on this machine, from another terminal."""
+"""``stop``: the trials that run on this machine, from another terminal."""
 
 from __future__ import annotations
 
 import contextlib
 import functools
 import os
+import pwd
 import signal
 import time
 from typing import TYPE_CHECKING
 
+from adatracker_deploy.errors import UsageError
+
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from adatracker_deploy.runtime.running import Running
 
@@ -26,36 +29,71 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     """Add the command."""
     parser = commands.add_parser(
         "stop",
-        help="stop whatever runs on this machine",
-        description="Stops every trial of this user as Ctrl-C does. One that does not answer is killed; its "
-        "link then stops the robot. Exit status 1 if nothing ran.",
+        help="stop trials that run on this machine",
+        description="Stops trials as Ctrl-C does: all of this user's (for root, everybody's), or those that "
+        "are named. One that does not answer is killed; its link then stops the robot. One that is stopping "
+        "already is waited for. Exit status 1 if nothing ran, or a trial could not be stopped.",
     )
-    parser.set_defaults(run=lambda _: run())
+    parser.add_argument(
+        "which",
+        nargs="*",
+        metavar="TRIAL|PLATFORM",
+        help="a trial's log folder or its name, a platform, or a process's number (default: every trial)",
+    )
+    parser.set_defaults(run=lambda args: run(args.which))
 
 
-def run() -> int:
-    """Stop everything and wait until it has ended; return 1 if nothing ran, or would not end."""
+def run(which: Sequence[str] = ()) -> int:
+    """Stop trials and wait until they have ended; return 1 if there was none, or one would not end.
+
+    Raises:
+        UsageError: a name fits no trial that runs; nothing was stopped.
+    """
     from adatracker_deploy.runtime.running import running
 
     found = running()
-    if not found:
-        print("nothing runs")
+    for name in which:
+        if not any(one.is_meant(name) for one in found):
+            raise UsageError(f"stop {name}: no such trial runs; {_list(found) or 'nothing runs'}")
+    meant = [one for one in found if not which or any(map(one.is_meant, which))]
+    mine = [one for one in meant if os.getuid() in (0, one.user)]
+    for one in meant:
+        if one not in mine:
+            print(f"{_name(one)} is another user's: stop it as {_user(one.user)}, or with sudo", flush=True)
+    if not mine:
+        if not meant:
+            print("nothing runs")
         return 1
     began_s = time.monotonic()
-    for one in found:
+    for one in mine:
         _tell(one, signal.SIGTERM)
-    for one in found:
-        name = f"{one.what} (process {one.pid})"
+    for one in mine:
         if not _within(began_s + ANSWER_S, functools.partial(_heard, one)):
             _tell(one, signal.SIGKILL)
-            print(f"{name} did not answer and was killed: its link stops the robot", flush=True)
+            print(f"{_name(one)} did not answer and was killed: its link stops the robot", flush=True)
         else:
-            print(f"{name} stops", flush=True)
-    ended = _within(began_s + END_S, lambda: not any(one.alive() for one in found))
+            print(f"{_name(one)} stops", flush=True)
+    ended = _within(began_s + END_S, lambda: not any(one.alive() for one in mine))
     print(
         f"ended after {time.monotonic() - began_s:.1f} s" if ended else "still running: switch the robot off"
     )
-    return 0 if ended else 1
+    return 0 if ended and mine == meant else 1
+
+
+def _list(found: Sequence[Running]) -> str:
+    """Name the trials that run, in one line."""
+    return ", ".join(f"{_name(one)}{f' in {one.log}' if one.log else ''}" for one in found)
+
+
+def _name(one: Running) -> str:
+    return f"{one.platforms} (process {one.pid})"
+
+
+def _user(number: int) -> str:
+    try:
+        return pwd.getpwuid(number).pw_name
+    except KeyError:
+        return f"user {number}"
 
 
 def _heard(one: Running) -> bool:

@@ -9,11 +9,12 @@ does, on each.
 
 from __future__ import annotations
 
-from functools import partial
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 from adatracker_deploy.faults.matrix import (
     ANY,
+    FOLLOWED_S,
     INTERRUPTED,
     KILLED,
     ROWS,
@@ -28,6 +29,8 @@ from adatracker_deploy.faults.phases import IN_FLIGHT, ORDER, TrialPhase
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from adatracker_deploy.faults.matrix import Measure
+
 _AT_ONCE_S = 0.2
 """For a stop that is asked for, or a process that ends, until the last moving command."""
 _SOON_S = 0.3
@@ -38,185 +41,143 @@ _BRAKED = {"drone": 3.0}
 _DOWN_S = 0.5
 _SAME = "the toolkit's own code, the same for every robot"
 _HANDLER = "the handler is Ctrl-C's: see interrupt"
-GROUND = ("quadruped", "wheeled")
-HIGH = {
+_EXIT_S = 10.0
+"""For a command that was told to end, to end."""
+DRONE, GROUND = ("drone",), ("quadruped", "wheeled")
+HIGH: dict[str, dict[str, Any]] = {
     "connection": {"takeoff_altitude_m": 9.0},
     "limits": {"altitude_m": [1.0, 12.0]},
 }
 """A profile for a high take-off."""
 
-_signal = partial(Row, endings=INTERRUPTED, after_s=0.0, exit_s=10.0, ends_run=True)
-_stop = partial(Row, endings=STOPPED, after_s=0.0)
 
-
-def _signals(phase: TrialPhase, measure: str, limit_s: float, **more: object) -> tuple[Row, ...]:
-    """Return the rows of Ctrl-C, on every robot, and of the two signals that its handler takes too."""
-    row = partial(_signal, measure=measure, limit_s=limit_s, phase=phase, **more)
-    return (
-        row("interrupt"),
-        row("terminate", on=("wheeled",), elsewhere=_HANDLER),
-        row("hangup", on=("quadruped",), elsewhere=_HANDLER),
-    )
-
-
-def _connecting() -> tuple[Row, ...]:
-    at = {"phase": TrialPhase.CONNECTING, "after_s": 0.0}
-    quiet = partial(Row, measure="quiet", limit_s=0.0, endings=ANY, **at)
-    return (
-        *_signals(TrialPhase.CONNECTING, "told", 0.0),
-        Row("tracker_kill", "told", 0.0, KILLED, on=("drone",), elsewhere=_SAME, **at),
-        quiet("tracker_stop", on=("quadruped",), elsewhere=_SAME),
-        _stop("link_kill", "told", 0.0, phase=TrialPhase.CONNECTING, on=("wheeled",), elsewhere=_SAME),
-        quiet("link_stop", on=("drone",), elsewhere=_SAME),
-        quiet("link_drop"),
-        quiet("robot_frozen"),
-        Row("takeover", "told", 0.0, STOPPED | TAKEN | KILLED, lands=False, **at),
-        Row("camera_gone", "told", 0.0, STOPPED | WENT_ON | KILLED, on=("wheeled",), elsewhere=_SAME, **at),
-        quiet("suspend", on=("quadruped",), elsewhere=_SAME),
-    )
-
-
-def _engaging() -> tuple[Row, ...]:
-    """Of robots on the ground: a base takes 0.1 s, a robot on legs none."""
-    at = {"phase": TrialPhase.ENGAGING, "on": GROUND, "after_s": 0.0}
-    lasting = partial(Row, measure="quiet", limit_s=_SOON_S, endings=ANY, **at)
-    signal = partial(_signal, measure="told", limit_s=_AT_ONCE_S, phase=TrialPhase.ENGAGING)
-    return (
-        signal("interrupt", on=GROUND, again=True),
-        signal("terminate", on=("wheeled",), elsewhere=_HANDLER),
-        signal("hangup", on=("quadruped",), elsewhere=_HANDLER),
-        Row("tracker_kill", "told", _AT_ONCE_S, KILLED, again=True, **at),
-        lasting("tracker_stop"),
-        Row("link_kill", "told", _AT_ONCE_S, STOPPED, again=True, **at),
-        lasting("link_stop"),
-        Row("link_drop", "told", _SOON_S, STOPPED | TAKEN, again=True, **at),
-        lasting("robot_frozen"),
-        Row("takeover", "told", _SOON_S, STOPPED | TAKEN, **at),
-        Row("camera_gone", "told", _SOON_S, STOPPED, **{**at, "on": ("wheeled",)}, elsewhere=_SAME),
-        Row("suspend", "woken", 0.0, STOPPED | TAKEN, again=True, **at),
-    )
-
-
-def _take_off(phase: TrialPhase) -> tuple[Row, ...]:
-    at = {"phase": phase, "after_s": 0.0, "on": ("drone",)}
-    climbing = phase is TrialPhase.CLIMBING
-    stopped = partial(Row, measure="climbs", endings=STOPPED | TAKEN, **at)
-    rows = (
-        Row("interrupt", "climbs", _DOWN_S, INTERRUPTED, ends_run=True, again=climbing, **at),
-        Row("hangup", "climbs", _DOWN_S, INTERRUPTED, ends_run=True, **at),
-        Row("tracker_kill", "climbs", _DOWN_S, KILLED, again=climbing, **at),
-        stopped("tracker_stop", limit_s=2.5, why="1.5 s without a command, and braking"),
-        stopped("link_drop", limit_s=2.5, why="2 s cut off, and braking"),
-        stopped("takeover", limit_s=2.5, lands=False, why="it is the pilot's"),
-        Row("suspend", "woken", 0.0, STOPPED | TAKEN, **at),
-    )
-    if not climbing:
-        return rows
-    return (
-        *rows,
-        Row(
-            "interrupt",
-            "climbs",
-            _DOWN_S,
-            INTERRUPTED,
-            ends_run=True,
-            variant=" to 9 m",
-            changes=HIGH,
-            **{**at, "after_s": 1.5},
-        ),
-        Row("terminate", "climbs", _DOWN_S, INTERRUPTED, ends_run=True, **at),
-        Row("link_stop", "quiet", _SOON_S, ANY, **at),
-        stopped("robot_frozen", limit_s=4.5, why="2 s frozen, and braking"),
-    )
-
-
-def _looking() -> tuple[Row, ...]:
-    at = {"phase": TrialPhase.LOOKING, "after_s": 0.0}
-    return (
-        *_signals(TrialPhase.LOOKING, "told", _AT_ONCE_S),
-        Row("tracker_kill", "told", _AT_ONCE_S, KILLED, **at),
-        Row("tracker_stop", "told", _AT_ONCE_S, STOPPED, on=("wheeled",), elsewhere=_SAME, **at),
-        Row("link_kill", "told", _AT_ONCE_S, STOPPED, **at),
-        Row("link_stop", "told", _AT_ONCE_S, STOPPED | TAKEN, on=("quadruped",), elsewhere=_SAME, **at),
-        Row("link_drop", "told", _SOON_S, STOPPED | TAKEN, **at),
-        Row("robot_frozen", "told", _SOON_S, STOPPED | TAKEN, **at),
-        Row("takeover", "told", _SOON_S, TAKEN | STOPPED, lands=False, **at),
-        Row("camera_gone", "told", _SOON_S, STOPPED, **at),
-        Row("suspend", "woken", 0.0, STOPPED | TAKEN, **at),
-    )
-
-
-def _stopping() -> tuple[Row, ...]:
-    """After a trial that was completed, from full speed."""
-    at = {"phase": TrialPhase.STOPPING, "after_s": 0.0}
-    stands = partial(Row, measure="stands", limit_s=_STANDS_S, only=_BRAKED, endings=ANY, **at)
-    return (
-        *(
-            _signal(name, "stands", _STANDS_S, only=_BRAKED, trials=2, phase=TrialPhase.STOPPING, **more)
-            for name, more in (
-                ("interrupt", {}),
-                ("terminate", {"on": ("wheeled",), "elsewhere": _HANDLER}),
-                ("hangup", {"on": ("quadruped",), "elsewhere": _HANDLER}),
+def _in(phase: TrialPhase, *rows: Row, on: tuple[str, ...] = (), trials: int = 1) -> tuple[Row, ...]:
+    """Put rows into a phase, at its beginning unless they say otherwise, and onto some platforms."""
+    return tuple(
+        with_words(
+            replace(
+                row,
+                phase=phase,
+                after_s=0.0 if row.after_s == FOLLOWED_S else row.after_s,
+                on=row.on or on,
+                trials=trials if row.ends_run else row.trials,
             )
-        ),
-        stands("tracker_kill"),
-        stands("tracker_stop", on=("wheeled", "drone"), elsewhere=_SAME),
-        stands("link_kill"),
-        stands("link_stop", on=("quadruped", "drone"), elsewhere=_SAME),
-        stands("link_drop"),
-        Row("robot_frozen", "stands", 4.0, ANY, {"drone": 5.0}, "2 s frozen, and braking", **at),
-        stands("takeover", lands=False),
-        stands("suspend"),
+        )
+        for row in rows
     )
 
 
-def _disengaging() -> tuple[Row, ...]:
-    at = {"phase": TrialPhase.DISENGAGING, "after_s": 0.0}
-    told = partial(Row, measure="told", limit_s=0.0, endings=ANY, **at)
+def _signals(
+    measure: Measure,
+    limit_s: float,
+    only: dict[str, float] | None = None,
+    endings: frozenset[str] = INTERRUPTED,
+    *,
+    again: bool = False,
+) -> tuple[Row, ...]:
+    """Return the rows of Ctrl-C, and of the two signals that its handler takes too, each on one robot."""
+    row = Row("interrupt", measure, limit_s, endings, only, exit_s=_EXIT_S, ends_run=True, again=again)
     return (
-        *(
-            _signal(name, "told", 0.0, trials=2, phase=TrialPhase.DISENGAGING, **more)
-            for name, more in (
-                ("interrupt", {}),
-                ("terminate", {"on": ("wheeled",), "elsewhere": _HANDLER}),
-                ("hangup", {"on": ("quadruped",), "elsewhere": _HANDLER}),
-            )
-        ),
-        told("tracker_kill"),
-        told("tracker_stop", on=("drone",), elsewhere=_SAME),
-        told("link_kill"),
-        told("link_stop", on=("drone",), elsewhere=_SAME),
-        told("link_drop", on=("drone", "wheeled"), elsewhere="it stands and is told nothing any more"),
-        told("robot_frozen", on=("drone",), elsewhere="it stands already"),
-        told("takeover", lands=False),
-        told("suspend", on=("drone",), elsewhere=_SAME),
+        row,
+        replace(row, fault="terminate", on=("wheeled",), elsewhere=_HANDLER, again=False),
+        replace(row, fault="hangup", on=("quadruped",), elsewhere=_HANDLER, again=False),
     )
 
 
-def _between() -> tuple[Row, ...]:
-    at = {"phase": TrialPhase.BETWEEN, "after_s": 0.0, "trials": 2}
-    signal = partial(_signal, measure="told", limit_s=0.0, endings=INTERRUPTED | WENT_ON | KILLED)
-    return (
-        signal("interrupt", phase=TrialPhase.BETWEEN, trials=2),
-        signal("terminate", phase=TrialPhase.BETWEEN, trials=2, on=("wheeled",), elsewhere=_HANDLER),
-        signal("hangup", phase=TrialPhase.BETWEEN, trials=2, on=("quadruped",), elsewhere=_HANDLER),
-        Row("tracker_kill", "told", 0.0, KILLED, ends_run=True, elsewhere=_SAME, **{**at, "on": ("drone",)}),
-    )
-
-
-PHASE_ROWS = tuple(
-    with_words(row)
-    for rows in (
-        _connecting(),
-        _engaging(),
-        _take_off(TrialPhase.ARMED),
-        _take_off(TrialPhase.CLIMBING),
-        _looking(),
-        _stopping(),
-        _disengaging(),
-        _between(),
-    )
-    for row in rows
+_CONNECTING = _in(
+    TrialPhase.CONNECTING,
+    *_signals("told", 0.0),
+    Row("tracker_kill", "told", 0.0, KILLED, on=("drone",), elsewhere=_SAME),
+    Row("tracker_stop", "quiet", 0.0, ANY, on=("quadruped",), elsewhere=_SAME),
+    Row("link_kill", "told", 0.0, STOPPED | KILLED, on=("wheeled",), elsewhere=_SAME),
+    Row("link_stop", "quiet", 0.0, ANY, on=("drone",), elsewhere=_SAME),
+    Row("link_drop", "quiet", 0.0, ANY),
+    Row("robot_frozen", "quiet", 0.0, ANY),
+    Row("takeover", "quiet", 0.0, ANY, lands=False),
+    Row("camera_gone", "quiet", 0.0, ANY, on=("wheeled",), elsewhere=_SAME),
+    Row("suspend", "quiet", 0.0, ANY, on=("quadruped",), elsewhere=_SAME),
+)
+_ENGAGING = _in(
+    TrialPhase.ENGAGING,  # of robots on the ground: a base takes 0.1 s, a robot on legs none
+    *_signals("told", _AT_ONCE_S, again=True),
+    Row("tracker_kill", "told", _AT_ONCE_S, KILLED, again=True),
+    Row("tracker_stop", "quiet", _SOON_S, ANY),
+    Row("link_kill", "told", _AT_ONCE_S, STOPPED, again=True),
+    Row("link_stop", "quiet", _SOON_S, ANY),
+    Row("link_drop", "told", _SOON_S, STOPPED | TAKEN, again=True),
+    Row("robot_frozen", "quiet", _SOON_S, ANY),
+    Row("takeover", "told", _SOON_S, STOPPED | TAKEN),
+    Row("camera_gone", "told", _SOON_S, STOPPED, on=("wheeled",), elsewhere=_SAME),
+    Row("suspend", "woken", 0.0, STOPPED | TAKEN, again=True),
+    on=GROUND,
+)
+_TAKE_OFF = (
+    Row("interrupt", "climbs", _DOWN_S, INTERRUPTED, ends_run=True),
+    Row("hangup", "climbs", _DOWN_S, INTERRUPTED, ends_run=True),
+    Row("tracker_kill", "climbs", _DOWN_S, KILLED),
+    Row("tracker_stop", "climbs", 2.5, STOPPED | TAKEN, why="1.5 s without a command, and braking"),
+    Row("link_drop", "climbs", 2.5, STOPPED | TAKEN, why="2 s cut off, and braking"),
+    Row("takeover", "climbs", 2.5, STOPPED | TAKEN, why="it is the pilot's", lands=False),
+    Row("suspend", "woken", 0.0, STOPPED | TAKEN),
+)
+_ARMED = _in(TrialPhase.ARMED, *_TAKE_OFF, on=DRONE)
+_CLIMBING = _in(
+    TrialPhase.CLIMBING,
+    *(replace(row, again=row.fault in {"interrupt", "tracker_kill"}) for row in _TAKE_OFF),
+    replace(_TAKE_OFF[0], variant=" to 9 m", changes=HIGH, after_s=1.5),
+    Row("terminate", "climbs", _DOWN_S, INTERRUPTED, ends_run=True),
+    Row("link_stop", "quiet", _SOON_S, ANY),
+    Row("robot_frozen", "climbs", 4.5, STOPPED | TAKEN, why="2 s frozen, and braking"),
+    on=DRONE,
+)
+_LOOKING = _in(
+    TrialPhase.LOOKING,
+    *_signals("told", _AT_ONCE_S),
+    Row("tracker_kill", "told", _AT_ONCE_S, KILLED),
+    Row("tracker_stop", "told", _AT_ONCE_S, STOPPED, on=("wheeled",), elsewhere=_SAME),
+    Row("link_kill", "told", _AT_ONCE_S, STOPPED),
+    Row("link_stop", "told", _AT_ONCE_S, STOPPED | TAKEN, on=("quadruped",), elsewhere=_SAME),
+    Row("link_drop", "told", _SOON_S, STOPPED | TAKEN),
+    Row("robot_frozen", "told", _SOON_S, STOPPED | TAKEN),
+    Row("takeover", "told", _SOON_S, STOPPED | TAKEN, lands=False),
+    Row("camera_gone", "told", _SOON_S, STOPPED),
+    Row("suspend", "woken", 0.0, STOPPED | TAKEN),
+)
+_STOPPING = _in(
+    TrialPhase.STOPPING,  # after a trial that was completed, from full speed
+    *_signals("stands", _STANDS_S, _BRAKED),
+    Row("tracker_kill", "stands", _STANDS_S, ANY, _BRAKED),
+    Row("tracker_stop", "stands", _STANDS_S, ANY, _BRAKED, on=("wheeled", "drone"), elsewhere=_SAME),
+    Row("link_kill", "stands", _STANDS_S, ANY, _BRAKED),
+    Row("link_stop", "stands", _STANDS_S, ANY, _BRAKED, on=("quadruped", "drone"), elsewhere=_SAME),
+    Row("link_drop", "stands", _STANDS_S, ANY, _BRAKED),
+    Row("robot_frozen", "stands", 4.0, ANY, {"drone": 5.0}, "2 s frozen, and braking"),
+    Row("takeover", "stands", _STANDS_S, ANY, _BRAKED, lands=False),
+    Row("suspend", "stands", _STANDS_S, ANY, _BRAKED),
+    trials=2,
+)
+_DISENGAGING = _in(
+    TrialPhase.DISENGAGING,
+    *_signals("told", 0.0),
+    Row("tracker_kill", "told", 0.0, ANY),
+    Row("tracker_stop", "told", 0.0, ANY, on=DRONE, elsewhere=_SAME),
+    Row("link_kill", "told", 0.0, ANY),
+    Row("link_stop", "told", 0.0, ANY, on=DRONE, elsewhere=_SAME),
+    Row("link_drop", "told", 0.0, ANY, on=("drone", "wheeled"), elsewhere="it stands and is told nothing"),
+    Row("robot_frozen", "told", 0.0, ANY, on=DRONE, elsewhere="it stands already"),
+    Row("takeover", "told", 0.0, ANY, lands=False),
+    Row("suspend", "told", 0.0, ANY, on=DRONE, elsewhere=_SAME),
+    trials=2,
+)
+_BETWEEN = _in(
+    TrialPhase.BETWEEN,
+    *_signals("told", 0.0, endings=INTERRUPTED | WENT_ON | KILLED),
+    Row("tracker_kill", "told", 0.0, KILLED, ends_run=True, on=DRONE, elsewhere=_SAME),
+    trials=2,
+)
+PHASE_ROWS = (
+    *(*_CONNECTING, *_ENGAGING, *_ARMED, *_CLIMBING),
+    *(*_LOOKING, *_STOPPING, *_DISENGAGING, *_BETWEEN),
 )
 """What is struck in another phase than following."""
 

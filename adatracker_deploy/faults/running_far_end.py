@@ -87,7 +87,7 @@ class RunningFarEnd(Sitl):
             camera=dataclasses.replace(profile.camera, uri=said["camera"]),
         )
         self._orders = Path(said["orders"])
-        self.faults = platform.sitl(profile).faults  # type: ignore[misc] -- this one's class serves any robot
+        self.faults = platform.sitl(profile).faults
         self.witness = Path(said["witness"])
 
     def start(self, clock: Clock, scenario: Scenario) -> Profile:  # noqa: ARG002 -- it runs already

@@ -67,7 +67,7 @@ def _suspend(victims: Victims, fault: Fault) -> None:
     subprocess.Popen([sys.executable, "-c", _SLEEP, victims.pause, str(fault.lasts_s), *pids]).wait()
 
 
-def _hog(_: Victims, fault: Fault) -> None:
+def _hog(_victims: Victims, fault: Fault) -> None:
     burn = f"import time\nend = time.monotonic() + {fault.lasts_s:g}\nwhile time.monotonic() < end: pass"
     for _ in range(HOGS):
         subprocess.Popen([sys.executable, "-c", burn])

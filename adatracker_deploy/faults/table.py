@@ -121,8 +121,8 @@ def markdown(results: Sequence[Result], day: str) -> str:
 
 
 _READ_AS = """\
-While the robot follows, measured on {day}. In each field: its true speed at the onset (m/s), the time that
-the limit is of, when the robot stood, and, in brackets, the machine's own longest stall about the onset (s)."""
+While the robot follows, measured on {day}. In each field: its true speed at the onset (m/s), the time
+that the limit is of, when the robot stood, and, in brackets, the machine's own longest stall then (s)."""
 _PHASES_READ_AS = """\
 In the other phases. In each field also who noticed first, what was said, and what a second run did with the
 robot as it was left."""

@@ -8,7 +8,8 @@ from adatracker_deploy.report.charts import clock
 from adatracker_deploy.report.markup import Html, tag
 from adatracker_deploy.report.origin import LONGEST_TEXT, completeness, events_section, marks_section, origin
 from adatracker_deploy.report.over_time import over_time
-from adatracker_deploy.report.page import badge, figure, page, picture, section, shortened, tiles
+from adatracker_deploy.report.page import badge, figure, page, picture, section, shortened, table, tiles
+from adatracker_deploy.trial.aftermath import aftermath_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,7 +31,7 @@ def trial_page(report: Report, moments: Sequence[Moment]) -> str:
     else:
         shown = over_time(report, report.columns)
     last = [marks_section(trial), events_section(report.events), completeness(trial), origin(trial)]
-    parts = [_heading(report), _figures(report), _moments(moments), *shown, *last]
+    parts = [_heading(report), _figures(report), _moments(moments), *shown, _aftermath(trial), *last]
     return page(f"{trial.platform} {trial.policy}: {report.summary['outcome']}", *parts)
 
 
@@ -56,6 +57,27 @@ def _heading(report: Report) -> Html:
         tag("p", f"{kind}, {_started(trial)}, ", tag("code", str(trial.path.parent)), class_="faint"),
         cut,
     )
+
+
+def _aftermath(trial: Trial) -> Html | None:
+    """Show what the link did after a log that ended before its trial."""
+    if trial.summary is not None:
+        return None
+    found = aftermath_of(trial.path.parent, trial.steps[-1].t_ns if trial.steps else None)
+    if found is None:
+        return None
+    rows = [
+        (
+            f"{change.after_s:+.2f} s",
+            change.phase,
+            shortened(change.reason, LONGEST_TEXT),
+            figure(change.sent.vx, 2, "m/s"),
+            figure(change.speed_m_s, 2, "m/s"),
+        )
+        for change in found.changes
+    ]
+    head = ("after the log", "link", "why", "sent forward", "measured speed")
+    return section("After the log's end: the link's black box", tag("p", found.summary), table(head, rows))
 
 
 def _started(trial: Trial) -> str:

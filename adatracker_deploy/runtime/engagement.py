@@ -7,7 +7,9 @@ import time
 from typing import TYPE_CHECKING
 
 from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.platform import ZERO
 from adatracker_deploy.runtime.link import Phase
+from adatracker_deploy.runtime.pulse import LINK_LOST
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -47,6 +49,7 @@ class Engagement:
         self._link.engage()
         airborne = False
         for status in self.statuses(ENGAGE_TIMEOUT_S):
+            self._link.send(ZERO, self._clock.now_ns())  # says that somebody still waits for the robot
             if not airborne and not status.state.landed:
                 airborne = True
                 self._tell("airborne")
@@ -91,12 +94,12 @@ class Engagement:
         """Give the link's newest status again and again for `timeout_s`.
 
         Raises:
-            PlatformError: the link process died.
+            PlatformError: the link process died, or does not answer.
         """
         began_ns = self._clock.now_ns()
         while (self._clock.now_ns() - began_ns) / 1e9 < timeout_s:
             if not self._link.alive():
-                raise PlatformError("the link process died; the robot's own time-out stops it")
+                raise PlatformError(LINK_LOST)
             status = self._link.status()
             if status is not None:
                 yield status

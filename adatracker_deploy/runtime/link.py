@@ -8,6 +8,7 @@ of its own; tests and lock-step runs step the same code in theirs.
 from __future__ import annotations
 
 import enum
+import queue
 import threading
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
@@ -22,6 +23,12 @@ if TYPE_CHECKING:
     from adatracker_deploy.runtime.clock import Clock
 
 RATE_HZ = 50.0
+SUSPENDED_S = 0.1
+"""A machine that slept for longer has lost touch with the robot; a shorter sleep is the clocks' own error."""
+_MANOEUVRES = 3
+"""To engage, to hold and to disengage: each at most once, possibly at the same time."""
+_AGAIN_S = 0.02
+"""Between two tries to end an engagement that has only just begun."""
 
 Level = Literal["info", "warning", "error"]
 
@@ -88,7 +95,7 @@ class Link:
         limits: the profile's, in the run's clock.
         clock: the run's.
         newest: returns the newest set-point, or None.
-        spawn: runs a blocking manoeuvre; a thread by default, inline in lock-step runs.
+        spawn: runs a blocking manoeuvre; in a waiting thread by default, inline in lock-step runs.
     """
 
     def __init__(
@@ -103,8 +110,11 @@ class Link:
         self._limits = limits
         self._clock = clock
         self._newest = newest
-        self._spawn = spawn or _in_a_thread
+        self._spawn = spawn or StandbyThreads(_MANOEUVRES)
         self._gate = GateState(armed_ns=clock.now_ns())
+        self._suspended_ns = clock.suspended_ns()
+        """As the clock told it when the robot was engaged."""
+        self._engaging_over = threading.Event()
         self._lock = threading.Lock()
         self._events: list[Event] = []
         self._warned: tuple[Reason, ...] = ()
@@ -115,46 +125,34 @@ class Link:
         with self._lock:
             if self.status.phase is not Phase.IDLE:
                 return
+            self._suspended_ns = self._clock.suspended_ns()
+            self._gate = GateState(armed_ns=self._clock.now_ns())
             self._enter(Phase.ENGAGING)
         self._spawn(self._engage)
 
     def hold(self, reason: str) -> None:
-        """Stop and stay; latches."""
+        """Stop and stay; latches. A robot that is still engaging has nothing to hold: it is given up."""
         self._halt(Stop(Reason.ASKED, reason))
 
     def disengage(self, reason: str) -> None:
         """Give up control in the robot's safe way, from any phase; `status.phase` ends as DONE."""
-        with self._lock:
-            if self.status.phase in (Phase.DISENGAGING, Phase.DONE):
-                return
-            moved = self.status.phase is not Phase.IDLE
-            self._enter(
-                Phase.DISENGAGING if moved else Phase.DONE, self._gate.stop or Stop(Reason.ASKED, reason)
-            )
-        if moved:
-            self._spawn(self._disengage)
+        self._give_up(Stop(Reason.ASKED, reason))
 
     def step(self, now_ns: int) -> LinkStatus:
         """Do one slot's work at `now_ns` and return what was done."""
         driven = self.status.phase in _DRIVEN  # before the state is read: an older one says "not engaged"
+        self._watch_machine()
         state, notices = self._platform.state(), self._platform.notices()
         with self._lock:
             for notice in notices:
                 self.note("warning", notice)
             phase = self.status.phase
             self.status = replace(self.status, state=state, t_ns=now_ns)
-            if not driven or phase not in _DRIVEN:
-                return self.status
-            setpoint = self._newest()
-            gate, verdict = judge(self._limits, self._gate, setpoint, state, now_ns)
-            self._gate = gate
-        self._warn(verdict.warnings)
-        if gate.stop is None:  # which a link that holds always has
-            self._send(verdict, setpoint, now_ns)
-        elif phase is Phase.ACTIVE:
-            self._halt(gate.stop)
-        elif verdict.stage is Stage.DISENGAGE:
-            self.disengage(gate.stop.text)
+            judged = self._judge(state, now_ns) if driven and phase in _DRIVEN else None
+        if judged is not None:
+            self._carry_out(*judged, phase, now_ns)
+        elif phase is Phase.ENGAGING and self._silence_s(now_ns) > self._limits.disengage_after_s:
+            self._give_up(Stop(Reason.COMMAND_LOST))
         return self.status
 
     def drain_events(self) -> list[Event]:
@@ -166,6 +164,27 @@ class Link:
     def note(self, level: Level, message: str) -> None:
         """Write an event down."""
         self._events.append(Event(self._clock.now_ns(), level, message))
+
+    def _judge(self, state: PlatformState, now_ns: int) -> tuple[Verdict, Setpoint | None]:
+        setpoint = self._newest()
+        self._gate, verdict = judge(self._limits, self._gate, setpoint, state, now_ns)
+        return verdict, setpoint
+
+    def _carry_out(self, verdict: Verdict, setpoint: Setpoint | None, phase: Phase, now_ns: int) -> None:
+        self._warn(verdict.warnings)
+        stop = self._gate.stop
+        if stop is None:  # which a link that holds always has
+            self._send(verdict, setpoint, now_ns)
+        elif phase is Phase.ACTIVE:
+            self._halt(stop)
+        elif verdict.stage is Stage.DISENGAGE:
+            self._give_up(stop)
+
+    def _silence_s(self, now_ns: int) -> float:
+        """Return the seconds since the newest set-point, or since engaging began."""
+        setpoint = self._newest()
+        newest_ns = max(setpoint.t_ns if setpoint else 0, self._gate.armed_ns)
+        return (now_ns - newest_ns) / 1e9
 
     def _send(self, verdict: Verdict, setpoint: Setpoint | None, now_ns: int) -> None:
         judged_ns = self._clock.now_ns()
@@ -180,14 +199,32 @@ class Link:
         with self._lock:
             self.status = replace(self.status, sent=sent, reasons=verdict.reasons, acted=acted)
 
+    def _watch_machine(self) -> None:
+        """Stop when the machine was suspended: what its clocks call fresh is old, seen or commanded."""
+        asleep_s = (self._clock.suspended_ns() - self._suspended_ns) / 1e9
+        if asleep_s > SUSPENDED_S:
+            self._halt(Stop(Reason.SUSPENDED, f"suspended: the machine slept for {asleep_s:.1f} s"))
+
     def _halt(self, stop: Stop) -> None:
         """Latch a stop and hold, unless the robot has stopped by itself: it is then left as it is."""
         with self._lock:
-            if self.status.phase is not Phase.ACTIVE:
-                return
-            self._enter(Phase.HOLDING, stop)
-        if stop.reason not in (Reason.ROBOT_STOPPED, Reason.TAKEOVER):
+            phase = self.status.phase
+            if phase is Phase.ACTIVE:
+                self._enter(Phase.HOLDING, stop)
+        if phase is Phase.ENGAGING:
+            self._give_up(stop)
+        elif phase is Phase.ACTIVE and stop.reason not in (Reason.ROBOT_STOPPED, Reason.TAKEOVER):
             self._spawn(lambda: self._hold(stop.text))
+
+    def _give_up(self, stop: Stop) -> None:
+        """Disengage for good; the first stop's reason stays."""
+        with self._lock:
+            phase = self.status.phase
+            if phase in (Phase.DISENGAGING, Phase.DONE):
+                return
+            self._enter(Phase.DONE if phase is Phase.IDLE else Phase.DISENGAGING, self._gate.stop or stop)
+        if phase is not Phase.IDLE:
+            self._spawn(self._disengage)
 
     def _warn(self, warnings: tuple[Reason, ...]) -> None:
         """Note each warning when it begins."""
@@ -211,7 +248,10 @@ class Link:
         )
 
     def _engage(self) -> None:
-        error = self._try("engage", self._platform.engage)
+        with self._lock:
+            wanted = self.status.phase is Phase.ENGAGING  # a stop may have been quicker than this thread
+        error = self._try("engage", self._platform.engage) if wanted else None
+        self._engaging_over.set()
         with self._lock:
             if self.status.phase is not Phase.ENGAGING:
                 return
@@ -227,7 +267,13 @@ class Link:
         self._try("hold", lambda: self._platform.hold(reason))
 
     def _disengage(self) -> None:
-        self._try("disengage", self._platform.disengage)
+        """Disengage, again if engaging had not ended before: an engage that begins undoes a stop."""
+        settled = False
+        while not settled:
+            settled = self._engaging_over.is_set()
+            self._try("disengage", self._platform.disengage)
+            if not settled:
+                self._engaging_over.wait(_AGAIN_S)
         with self._lock:
             self._enter(Phase.DONE, self._gate.stop)
 
@@ -245,5 +291,22 @@ class Link:
         return reason
 
 
-def _in_a_thread(manoeuvre: Callable[[], None]) -> None:
-    threading.Thread(target=manoeuvre, daemon=True).start()
+class StandbyThreads:
+    """Threads that wait for jobs: out of memory, a machine cannot start one to stop a robot.
+
+    Args:
+        count: as many jobs as can be under way at once.
+    """
+
+    def __init__(self, count: int) -> None:
+        self._jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        for number in range(count):
+            threading.Thread(target=self._work, name=f"standby {number}", daemon=True).start()
+
+    def __call__(self, job: Callable[[], None]) -> None:
+        """Run a job in the first thread that is free."""
+        self._jobs.put(job)
+
+    def _work(self) -> None:
+        while True:
+            self._jobs.get()()

@@ -20,10 +20,12 @@ from typing import TYPE_CHECKING, Any, Self
 
 from adatracker_deploy.errors import PlatformError, UsageError
 from adatracker_deploy.platform import Check, Limits, Platform, Twist
+from adatracker_deploy.runtime.black_box import BlackBox
 from adatracker_deploy.runtime.gate import Setpoint
 from adatracker_deploy.runtime.link import RATE_HZ, Event, Link, LinkStatus, Phase
 from adatracker_deploy.runtime.mailbox import Mailbox
 from adatracker_deploy.runtime.pacer import Pacer
+from adatracker_deploy.runtime.pulse import LINK_LOST, Pulse
 from adatracker_deploy.runtime.scheduling import LINK_PRIORITY, ORDINARY, Scheduling
 from adatracker_deploy.runtime.wire import (
     SETPOINT_BYTES,
@@ -43,6 +45,7 @@ if TYPE_CHECKING:
     from adatracker_deploy.runtime.clock import Clock
 
 CONNECT_TIMEOUT_S = 40.0
+_JOIN_S = 0.05
 GONE = "tracker_gone"
 PROCESS_NAME = "adatracker-link"
 
@@ -68,6 +71,8 @@ class LinkProcess:
         self._statuses = Mailbox(statuses, STATUS_BYTES)
         self._pipe, far_end = context.Pipe()
         self._events: list[Event] = []
+        self._connected = False
+        self._pulse = Pulse()
         self._process = context.Process(
             target=_main,
             args=(platform, profile, clock, scheduling, setpoints, statuses, far_end),
@@ -96,6 +101,7 @@ class LinkProcess:
                 continue
             kind, value = message
             if kind == "connected":
+                self._connected = True
                 return tuple(value)
             if kind == "usage_error":
                 raise UsageError(value)
@@ -121,14 +127,20 @@ class LinkProcess:
         """Ask for disengaging; `status().phase` tells when it is done."""
         self._ask("disengage", reason)
 
+    def record(self, path: Path) -> None:
+        """Ask for a black box at `path`, a file that is not there yet."""
+        self._ask("record", str(path))
+
     def status(self) -> LinkStatus | None:
         """Return what the link did last, or None before its first step."""
         message = self._statuses.read()
         return None if message is None else unpack_status(message)
 
     def alive(self) -> bool:
-        """Tell whether the link process still runs."""
-        return self._process.is_alive()
+        """Tell whether the link process runs and goes on to say what it does; to be asked again and again."""
+        status = self.status()
+        self._pulse = self._pulse.look(status.t_ns if status else None, time.monotonic())
+        return self._process.is_alive() and self._pulse.beats
 
     def drain_events(self) -> list[Event]:
         """Return what the link noted since the last call."""
@@ -139,13 +151,26 @@ class LinkProcess:
         return events
 
     def close(self, timeout_s: float = 60.0) -> None:
-        """Disengage if need be, end the process and wait for it; may be called twice."""
+        """Disengage if need be, end the process and wait for it; may be called twice.
+
+        One that has not connected has engaged nothing: it ends at once. One that hangs is killed, lest it
+        wake up later and disturb what the robot does by itself.
+        """
         self._ask("close", "closed")
-        self._process.join(timeout_s)
-        if self._process.is_alive():
+        if not self._connected:
             self._process.terminate()
+        deadline_s = time.monotonic() + timeout_s
+        while self._process.is_alive() and time.monotonic() < deadline_s and (self._at_end() or self.alive()):
+            self._process.join(_JOIN_S)
+        if self._process.is_alive():
+            self._process.kill()
             self._process.join()
         self._pipe.close()
+
+    def _at_end(self) -> bool:
+        """Tell whether it has done what it was for, and only lets go of the wire."""
+        status = self.status()
+        return status is not None and status.phase is Phase.DONE
 
     def __enter__(self) -> Self:
         return self
@@ -165,7 +190,7 @@ class LinkProcess:
                 return None
             kind, value = self._pipe.recv()
         except (OSError, EOFError) as error:
-            raise PlatformError("the link process died; the robot's own time-out stops it") from error
+            raise PlatformError(LINK_LOST) from error
         if kind == "event":
             self._events.append(value)
         return kind, value
@@ -219,7 +244,7 @@ def _main(  # noqa: PLR0917 -- what a new process is given comes by position
     outbox.write(pack_status(link.status))
     _tell(pipe, "connected", checks)
     try:
-        _serve(link, Pacer(clock, RATE_HZ), pipe, outbox, terminated)
+        _serve(link, Pacer(clock, RATE_HZ), pipe, inbox=inbox, outbox=outbox, terminated=terminated)
     finally:
         platform.close()
 
@@ -236,15 +261,36 @@ def wall_timeouts(limits: Limits, speed: float) -> Limits:
     )
 
 
-def _serve(link: Link, pacer: Pacer, pipe: Connection, outbox: Mailbox, terminated: threading.Event) -> None:
+def _serve(
+    link: Link,
+    pacer: Pacer,
+    pipe: Connection,
+    *,
+    inbox: Mailbox,
+    outbox: Mailbox,
+    terminated: threading.Event,
+) -> None:
     """Step the link until it is closed and the robot has come to rest."""
     closing = False
+    box: BlackBox | None = None
+
+    def tell(status: LinkStatus) -> None:
+        packed = pack_status(status)
+        outbox.write(packed)
+        if box is not None:
+            box.record(inbox.read(), packed)
+        for event in link.drain_events():
+            _tell(pipe, "event", event)
+
     while not (closing and link.status.phase is Phase.DONE):
         tick = pacer.wait()
         try:
             while not closing and pipe.poll():
-                request, reason = pipe.recv()
-                closing = _obey(link, request, reason)
+                request, words = pipe.recv()
+                if request == "record":
+                    box = _black_box(words, link)
+                else:
+                    closing = _obey(link, request, words)
         except (OSError, EOFError):
             closing = True
             link.disengage(GONE)
@@ -257,11 +303,18 @@ def _serve(link: Link, pacer: Pacer, pipe: Connection, outbox: Mailbox, terminat
             link.note("error", f"link: {type(error).__name__}: {error}")
             link.disengage("link_fault")
             status = link.status
-        outbox.write(pack_status(status))
-        for event in link.drain_events():
-            _tell(pipe, "event", event)
-    for event in link.drain_events():
-        _tell(pipe, "event", event)
+        tell(status)
+    tell(link.status)  # it may have come to its end since the last step
+    if box is not None:
+        box.close()
+
+
+def _black_box(path: str, link: Link) -> BlackBox | None:
+    try:
+        return BlackBox(Path(path))
+    except OSError as error:
+        link.note("warning", f"no black box: {path} cannot be written ({error.strerror})")
+        return None
 
 
 def _obey(link: Link, request: str, reason: str) -> bool:

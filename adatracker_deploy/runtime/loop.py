@@ -9,6 +9,7 @@ from adatracker_deploy.platform import ZERO, Limits, Twist
 from adatracker_deploy.policy.base import Policy, to_twist
 from adatracker_deploy.runtime.link import LinkStatus, Phase
 from adatracker_deploy.runtime.pacer import Pacer, Tick
+from adatracker_deploy.runtime.pulse import LINK_LOST
 from adatracker_deploy.runtime.trace import Trace
 from adatracker_deploy.trial.metrics import MAX_LOST_STEPS, target_visible
 from adatracker_deploy.trial.record import Latency, Outcome, StepRecord
@@ -83,7 +84,7 @@ class Loop:
             tick = pacer.wait(self._patience)
             status, seen = self.link.status(), self.observe()
             if not self.link.alive() or status is None:
-                return Ending("system_fault", "the link process died; the robot's own time-out stops it")
+                return Ending("system_fault", LINK_LOST)
             if seen is None:
                 return Ending("system_fault", "the camera has given no frame")
             if ending := self._prevented(tick, status, seen):

@@ -1,4 +1,7 @@
-"""The operator's ways to stop besides Ctrl-C: the Enter key, and a file descriptor for hooks."""
+"""The operator's ways to stop: signals, the Enter key, and a file descriptor for hooks.
+
+Whatever asks to stop is remembered until the command ends, also while a trial ends by itself.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,78 @@ from typing import TYPE_CHECKING
 from adatracker_deploy.errors import UsageError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Ctrl-C, `adatracker-deploy stop`, and a terminal that is gone, as when SSH drops."""
+
+
+class StopRequest:
+    """A request to stop this command, from any of `SIGNALS`; raises KeyboardInterrupt when it comes.
+
+    Within a trial only the first does, and none while the trial ends: that is bounded in time, and must not
+    be cut short before the robot rests and the log is closed. All are remembered.
+
+    Args:
+        on_first: called in the signal's handler when the first comes.
+    """
+
+    def __init__(self, on_first: Callable[[], None] = lambda: None) -> None:
+        self.asked = False
+        """Somebody has asked to stop."""
+        self._on_first = on_first
+        self._in_trial = False
+        self._only_remembers = False
+        self._terminals = [number for number in (1, 2) if os.isatty(number)]
+
+    @contextlib.contextmanager
+    def listening(self) -> Iterator[None]:
+        """Take the signals, in the main thread; a SIGHUP that was ignored, as under ``nohup``, still is."""
+        before = {number: signal.getsignal(number) for number in SIGNALS}
+        for number, handler in before.items():
+            if not (number is signal.SIGHUP and handler is signal.SIG_IGN):
+                signal.signal(number, self._hear)
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+    @contextlib.contextmanager
+    def trial(self) -> Iterator[None]:
+        """Run one trial in here."""
+        self._in_trial = True
+        try:
+            yield
+        finally:
+            self._in_trial = self._only_remembers = False
+
+    @contextlib.contextmanager
+    def finishing(self) -> Iterator[None]:
+        """Only remember what comes meanwhile, and in what is left of the trial."""
+        self._only_remembers = True  # first: what comes while the handlers are changed is remembered, too
+        try:
+            with self.listening():
+                yield
+        finally:
+            self._only_remembers = self._in_trial
+
+    def _hear(self, number: int, _: object) -> None:
+        if number == signal.SIGHUP:
+            self._let_go_of_terminal()
+        if not self.asked:
+            self.asked = True
+            self._on_first()
+        if not self._only_remembers:
+            self._only_remembers = self._in_trial
+            raise KeyboardInterrupt
+
+    def _let_go_of_terminal(self) -> None:
+        """Write nowhere from now on: to a terminal that is gone every line would be an error."""
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        for number in self._terminals:
+            os.dup2(nowhere, number)
+        os.close(nowhere)
 
 
 @contextlib.contextmanager

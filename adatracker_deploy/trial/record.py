@@ -13,6 +13,8 @@ Outcome = Literal[
     "completed", "lost", "wrong_person", "collision", "safety_stop", "takeover", "system_fault", "interrupted"
 ]
 """How a trial ended; all but the first are failures."""
+RESULTS: tuple[Outcome, ...] = ("completed", "lost", "wrong_person", "collision")
+"""Outcomes that are results of a trial, not failures of the run."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

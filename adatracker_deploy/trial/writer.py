@@ -1,8 +1,8 @@
 """The log's writer, a process of its own: `TrialLog` starts ``python -m adatracker_deploy.trial.writer``.
 
 It lives until its socket reaches the end of file, whether the tracker closed it or was killed; then it
-finishes the file, and only then does ``trial.mcap.part`` become ``trial.mcap``. It ignores SIGINT and
-SIGTERM, which reach a whole process group: the end of a run is the tracker's to say.
+finishes the file, and only then does ``trial.mcap.part`` become ``trial.mcap``. It ignores SIGINT, SIGTERM
+and SIGHUP, which reach a whole process group: the end of a run is the tracker's to say.
 
 Each tick is flushed to the kernel, which survives a kill of every process here; `fdatasync` at most a second
 later, which survives a power cut (1.4 ms, measured). When the disk is full the file is cut back to its last
@@ -219,8 +219,8 @@ class TrialWriter:
 
 def main() -> None:
     """Run the writer on the socket and the memory whose file descriptors are the two arguments."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
     cv2.setNumThreads(1)
     socket_fd, memory_fd = map(int, sys.argv[1:])
     post = Post(socket.socket(fileno=socket_fd))

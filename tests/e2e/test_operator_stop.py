@@ -8,13 +8,14 @@ import pty
 import signal
 import subprocess
 import sys
-import tempfile
 import threading
 from pathlib import Path
 
 import pytest
 
 from adatracker_deploy.cli import main
+from adatracker_deploy.runtime.running import PLACE_VARIABLE, folder
+from adatracker_deploy.trial.reader import read_trial
 
 from .conftest import COMMAND, gone
 
@@ -27,7 +28,7 @@ FOLLOWING = "following for"
 @pytest.fixture(autouse=True)
 def own_folder(tmp_path, monkeypatch):
     """Trials of other tests, which run beside this one, are not this one's to stop."""
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setenv(PLACE_VARIABLE, str(tmp_path))
 
 
 @pytest.fixture
@@ -35,7 +36,7 @@ def trial(tmp_path):
     """Start a trial, and return it as soon as it follows."""
     with contextlib.ExitStack() as stack:
 
-        def start(*arguments, **options):
+        def start(*arguments, stdout_until=FOLLOWING, **options):
             process = stack.enter_context(
                 subprocess.Popen(
                     [*COMMAND, *TRIAL, *arguments],
@@ -51,7 +52,7 @@ def trial(tmp_path):
             said = []
             for line in process.stdout:
                 said.append(line)
-                if FOLLOWING in line:
+                if stdout_until in line:
                     return process
             return pytest.fail("".join(said))
 
@@ -96,18 +97,74 @@ def test_a_trial_that_does_not_answer_is_killed(trial, capsys):
         over.wait(0.01)
 
 
-def test_without_a_runtime_folder_the_temporary_one_serves(capsys, tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "missing"))
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    assert stop(capsys) == (1, ["nothing runs"])
-    assert (tmp_path / f"adatracker-deploy-{os.getuid()}").is_dir()
+def test_trials_are_found_whatever_the_environment_of_who_stops_them(monkeypatch):
+    monkeypatch.delenv(PLACE_VARIABLE)
+    found = set()
+    for session in ("/run/user/4711", "/nowhere", ""):
+        monkeypatch.setenv("XDG_RUNTIME_DIR", session)
+        monkeypatch.setenv("TMPDIR", session)
+        found.add(folder())
+    assert len(found) == 1
+
+
+def test_one_trial_is_stopped_by_its_log_and_the_other_runs_on(trial, capsys, tmp_path):
+    first, second = trial("--log-dir", "one"), trial("--log-dir", "two")
+    (log,) = (tmp_path / "one").iterdir()
+    assert main(["stop", log.name]) == 0
+    assert first.wait() == 130
+    assert second.poll() is None
+    capsys.readouterr()
+    assert main(["stop", "drone"]) == 2
+    said = capsys.readouterr().err
+    assert "stop drone: no such trial runs; wheeled (process" in said
+    assert main(["stop", "wheeled"]) == 0
+    assert second.wait() == 130
+
+
+def test_a_trial_that_ends_by_itself_says_so_and_is_waited_for(trial, tmp_path):
+    ending = trial("--steps", "20")
+    for line in ending.stdout:
+        if line.startswith("disengaging"):
+            break
+    assert main(["stop"]) == 0
+    assert ending.wait() == 130
+    (log,) = (tmp_path / "trials").iterdir()
+    assert read_trial(log).complete
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP], ids=lambda n: n.name)
+def test_a_stop_while_a_trial_ends_lets_no_other_begin(trial, number):
+    ending = trial("--steps", "20", "--trials", "3", stdout_until="disengaging")
+    ending.send_signal(number)
+    ending.send_signal(number)
+    said = ending.stdout.read()
+    assert ending.wait() == 130
+    assert "no further trial: a stop was asked for while this one ended" in said
+    assert "trial 2 of 3" not in said
+
+
+def test_a_dropped_terminal_stops_the_robot_in_order(tmp_path):
+    pid, terminal = pty.fork()
+    if pid == 0:  # pragma: no cover
+        os.chdir(tmp_path)
+        os.execv(sys.executable, [*COMMAND, *TRIAL])
+    said = b""
+    while FOLLOWING.encode() not in said:
+        said += os.read(terminal, 4096)
+    os.close(terminal)  # the kernel sends SIGHUP to the whole foreground group
+    _, status = os.waitpid(pid, 0)
+    assert os.waitstatus_to_exitcode(status) == 130
+    (log,) = (tmp_path / "trials").iterdir()
+    trial = read_trial(log)
+    assert trial.complete
+    assert trial.summary["outcome"] == "interrupted"
 
 
 def test_a_folder_that_others_can_write_is_refused(tmp_path, capsys):
     (tmp_path / f"adatracker-deploy-{os.getuid()}").mkdir(mode=0o700)
     (tmp_path / f"adatracker-deploy-{os.getuid()}").chmod(0o777)
     assert main(["stop"]) == 2
-    assert "not a folder of this user alone" in capsys.readouterr().err
+    assert "not a folder that this user alone can write" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("how", ["pressed", "dead"])

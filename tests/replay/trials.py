@@ -35,13 +35,26 @@ def observations(count, seed=0, gone=()):
     return seen
 
 
-def logged(folder, policy, seen, *, stale=(), missing=(), unpictured=(), nudged=(), about=None, config=None):
+def logged(
+    folder,
+    policy,
+    seen,
+    *,
+    stale=(),
+    missing=(),
+    unpictured=(),
+    nudged=(),
+    about=None,
+    config=None,
+    ends=True,
+):
     """Let a policy answer each observation at a tick of its own and log it; return the file.
 
     Args:
         stale: ticks whose observation was too old: the policy is not asked.
         missing: ticks that the writer dropped.
         unpictured: ticks whose frame it dropped.
+        ends: the tracker lived to say how.
         nudged: ticks whose last action is logged as the next larger float32.
     """
     policy.reset(SEED)
@@ -72,7 +85,7 @@ def logged(folder, policy, seen, *, stale=(), missing=(), unpictured=(), nudged=
                 log.picture(record.t_ns, observation.t_ns, observation.seq, GREY, observation.mask)
             shown = observation.seq
             log.step(record.t_ns, observation.t_ns, record)
-        log.finish('{"outcome": "completed"}')
+        log.finish('{"outcome": "completed"}' if ends else None)
     return file
 
 

@@ -152,3 +152,28 @@ def test_a_killed_tracker_takes_the_link_with_it_only_after_the_robot_is_at_rest
         link_pid = int(tracker.stdout.readline())
         tracker.kill()
     eventually(lambda: not Path(f"/proc/{link_pid}").exists(), "the link ends")
+
+
+def test_a_link_that_hangs_is_noticed_and_not_waited_for(clock):
+    link = LinkProcess(FakePlatform, fake_profile(), clock)
+    link.connect()
+    os.kill(link.pid, signal.SIGSTOP)
+    began_s = time.monotonic()
+    eventually(lambda: not link.alive(), "is missed")
+    link.close()
+    assert time.monotonic() - began_s < 10.0
+    assert link._process.exitcode == -signal.SIGKILL  # it wakes up no more
+
+
+class Deaf(FakePlatform):
+    """Waits for a robot that is not there."""
+
+    def connect(self):
+        time.sleep(TIMEOUT_S)
+
+
+def test_a_link_that_still_connects_is_not_waited_for(clock):
+    link = LinkProcess(Deaf, fake_profile(), clock)
+    began_s = time.monotonic()
+    link.close()
+    assert time.monotonic() - began_s < TIMEOUT_S / 2

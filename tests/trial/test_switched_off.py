@@ -22,6 +22,8 @@ class Told:
     def phase(self, text):
         self.lines.append(text)
 
+    def logging(self, folder): ...
+
     def step(self, record): ...
 
 

@@ -40,6 +40,8 @@ class Reason(enum.StrEnum):
     """Somebody else has control."""
     REFUSED = "refused"
     """The adapter could not send."""
+    SUSPENDED = "suspended"
+    """The machine slept."""
     ASKED = "asked"
     """The operator, or the end of the trial."""
 
