@@ -181,9 +181,7 @@ class _Trial:
         if self.injection is not None:
             self.injection.attend(self.log)
         if moves:
-            self._tell(
-                f"this machine {f'cannot go to sleep ({no_sleep})' if no_sleep else 'may go to sleep'}"
-            )
+            self._tell(f"sleep of this machine: {f'locked ({no_sleep})' if no_sleep else 'not locked'}")
         for name in profile.limits.switched_off:
             self._warn(f"the gate goes without {name}: profile {profile.name} has it in limits: switched_off")
         try:

@@ -40,7 +40,8 @@ def test_the_lock_is_held_and_given_back(system):
     with inhibited("a robot is driven") as kinds:
         assert kinds == "sleep:idle:handle-lid-switch"
         assert log.read_text() == (
-            "--what=sleep:idle:handle-lid-switch --who=adatracker-deploy --why=a robot is driven --mode=block\n"
+            "--what=sleep:idle:handle-lid-switch --who=adatracker-deploy "
+            "--why=a robot is driven --mode=block\n"
         )
     assert log.read_text().endswith("released\n")
 
