@@ -140,6 +140,7 @@ class Orders:
         match order:
             case "begin":
                 self.faults |= {what}
+                self.witness.suffers(what)
             case "end":
                 self.faults -= {what}
             case "witness":

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
+import signal
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.faults.catalogue import BLIND_FOR_S
+from adatracker_deploy.faults.catalogue import BLIND_FOR_S, OURS
 from adatracker_deploy.faults.watch import Seen
 
 if TYPE_CHECKING:
@@ -18,6 +18,10 @@ if TYPE_CHECKING:
 
 SOON_NS = 1_000_000_000
 """By then what happens once has happened, on a busy machine too."""
+KILLED_NS = 250_000_000
+"""A link that is gone so soon has not ended by itself: it disengages first, and waits for the tracker."""
+INTERRUPTED_STATUS = 130
+"""Of a command that was told to stop, whichever way."""
 STOOD_S = 0.09
 """An interpreter that stands still for 0.1 s is seen to by a thread that naps for 5 ms."""
 JUMP = 1.5
@@ -66,18 +70,37 @@ class Evidence:
 def without_effect(fault: str, evidence: Evidence, onset_ns: int) -> str:
     """Say what is missing to believe that a fault took effect; empty when nothing is.
 
-    Faults that have no sign of their own are believed by the reason that the run gave (`matrix.Row.words`).
+    What the robot suffers the robot says itself. Faults of ours that have no sign of their own must end the
+    trial, and for the reason that is expected (`matrix.Row.words`).
     """
+    if fault not in _OURS and not any(
+        name == fault and t_ns >= onset_ns for t_ns, name in evidence.account.suffered
+    ):
+        return "the robot was not heard to suffer it"
     sign = _SIGNS.get(fault)
     return sign(evidence, onset_ns) if sign is not None else ""
 
 
-def _state(role: Role, state: State) -> Callable[[Evidence, int], str]:
+_OURS = frozenset(fault.name for fault in OURS)
+
+
+def _state(role: Role, state: State, within_ns: int = SOON_NS) -> Callable[[Evidence, int], str]:
     def sign(evidence: Evidence, onset_ns: int) -> str:
-        found = evidence.seen.first(role, state, onset_ns, onset_ns + SOON_NS)
+        found = evidence.seen.first(role, state, onset_ns, onset_ns + within_ns)
         return "" if found is not None else f"the {role}'s process was not seen to be {state}"
 
     return sign
+
+
+def _killed(evidence: Evidence, _: int) -> str:
+    return (
+        "" if evidence.status == -signal.SIGKILL else f"the tracker ended with exit status {evidence.status}"
+    )
+
+
+def _ends_asked(evidence: Evidence, _: int) -> str:
+    asked = evidence.status == INTERRUPTED_STATUS
+    return "" if asked else f"exit status {evidence.status} tells of no stop that was asked for"
 
 
 def _asleep(evidence: Evidence, onset_ns: int) -> str:
@@ -110,8 +133,9 @@ def _no_new_picture(evidence: Evidence, onset_ns: int) -> str:
 
 
 def _no_tick(evidence: Evidence, onset_ns: int) -> str:
-    times_ns = [onset_ns, *(tick.t_ns for tick in evidence.ticks if tick.t_ns > onset_ns)]
-    gap_s = max(((b - a) / 1e9 for a, b in pairwise(times_ns)), default=math.inf)
+    until_ns = onset_ns + 2 * SOON_NS
+    later_ns = [tick.t_ns for tick in evidence.ticks if onset_ns < tick.t_ns < until_ns]
+    gap_s = max((b - a) / 1e9 for a, b in pairwise([onset_ns, *later_ns, until_ns]))
     return "" if gap_s > SOON_NS / 1e9 else f"ticks came at most {gap_s:.2f} s apart"
 
 
@@ -121,9 +145,12 @@ def _log_cut(evidence: Evidence, _: int) -> str:
 
 _SIGNS: dict[str, Callable[[Evidence, int], str]] = {
     "tracker_stop": _state("tracker", "stopped"),
-    "tracker_kill": _state("tracker", "gone"),
+    "tracker_kill": _killed,
+    "interrupt": _ends_asked,
+    "terminate": _ends_asked,
+    "hangup": _ends_asked,
     "link_stop": _state("link", "stopped"),
-    "link_kill": _state("link", "gone"),
+    "link_kill": _state("link", "gone", KILLED_NS),
     "robot_frozen": _state("robot", "stopped"),
     "suspend": _asleep,
     "cpu_hogs": _starved,

@@ -167,12 +167,13 @@ def _not_as_it_should(row: Row, evidence: Evidence, onset_ns: int, *, flies: boo
     account, reason = evidence.account, evidence.reason
     engaged = any(began_ns > onset_ns for began_ns, phase in account.phases if phase == TrialPhase.ENGAGING)
     offboard_s = _offboard_after_s(account, onset_ns) if flies and row.stops else None
+    allowed_s = row.limit_s if row.measure == "climbs" else 0.0
     height_m = account.flight[-1].height_m if account.flight else 0.0
     found = (
         (evidence.outcome not in row.endings, f"ended as {evidence.outcome or 'nothing'}: {reason}"),
         (not re.search(row.words, reason, re.IGNORECASE), f"another reason was given: {reason or 'none'}"),
         (row.ends_run and engaged, "another trial was engaged after it"),
-        (offboard_s is not None, f"OFFBOARD {offboard_s or 0:.1f} s after it"),
+        ((offboard_s or 0.0) > allowed_s, f"OFFBOARD {offboard_s or 0:.1f} s after it"),
         (row.lands and not account.off, "the robot was not seen to come to rest"),
         (row.lands and height_m > LANDED_M, f"not landed: {height_m:.1f} m high"),
         (row.measure != "log" and not evidence.log_whole, "the log is not whole"),

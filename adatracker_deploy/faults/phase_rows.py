@@ -145,7 +145,7 @@ _LOOKING = _in(
 )
 _STOPPING = _in(
     TrialPhase.STOPPING,  # after a trial that was completed, from full speed
-    *_signals("stands", _STANDS_S, _BRAKED),
+    *_signals("stands", _STANDS_S, _BRAKED, INTERRUPTED | WENT_ON),
     Row("tracker_kill", "stands", _STANDS_S, ANY, _BRAKED),
     Row("tracker_stop", "stands", _STANDS_S, ANY, _BRAKED, on=("wheeled", "drone"), elsewhere=_SAME),
     Row("link_kill", "stands", _STANDS_S, ANY, _BRAKED),
@@ -158,7 +158,7 @@ _STOPPING = _in(
 )
 _DISENGAGING = _in(
     TrialPhase.DISENGAGING,
-    *_signals("told", 0.0),
+    *_signals("told", 0.0, endings=INTERRUPTED | WENT_ON),
     Row("tracker_kill", "told", 0.0, ANY),
     Row("tracker_stop", "told", 0.0, ANY, on=DRONE, elsewhere=_SAME),
     Row("link_kill", "told", 0.0, ANY),

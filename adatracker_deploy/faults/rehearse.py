@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import yaml
 
 from adatracker_deploy.errors import UsageError
-from adatracker_deploy.faults.evidence import Evidence, Tick
+from adatracker_deploy.faults.evidence import INTERRUPTED_STATUS, Evidence, Tick
 from adatracker_deploy.faults.judge import LANDED_M, STILL_M_S, Result, judge
 from adatracker_deploy.faults.phases import TrialPhase
 from adatracker_deploy.faults.running_far_end import serving
@@ -238,7 +238,6 @@ def _evidence(
     )
 
 
-INTERRUPTED_STATUS = 130
 _OUTCOMES = ("completed", "lost", "collision", "safety_stop", "takeover", "system_fault", "interrupted")
 
 

@@ -7,6 +7,7 @@ A line a moment: machine time (`time.monotonic_ns`, the same in every process), 
     81516376032903 flight 1.42 0.88                 one that flies: how fast it climbs, m/s, and its height, m
     81516376032911 mode OFFBOARD armed              one that flies: whenever it changes
     81516376100000 process robot 4711               who is who; written by each part's own process
+    81516380217788 suffers camera_freeze            by the robot, when it was ordered to
     81516376200000 phase following                  written by whoever injects, with the following three
     81516380217755 begin camera_freeze              as soon as it has
     81518380411902 end camera_freeze
@@ -66,6 +67,10 @@ class Witness:
         if self._mode != (name, armed):
             self._mode = (name, armed)
             self._write(f"mode {name} {'armed' if armed else 'disarmed'}")
+
+    def suffers(self, name: str) -> None:
+        """Note that the robot suffers a fault from now on."""
+        self._write(f"suffers {name}")
 
     def process(self, role: str) -> None:
         """Note that this process is the robot, or the tracker."""
@@ -144,6 +149,8 @@ class Account:
     """(time, phase that begins); of several trials one after the other."""
     stood: tuple[tuple[int, float], ...] = ()
     """(time at which it was over, s for which the tracker's interpreter stood still)."""
+    suffered: tuple[tuple[int, str], ...] = ()
+    """(time, fault that the robot suffers from then on)."""
     processes: tuple[tuple[str, int], ...] = ()
     """(role, process id)."""
 
@@ -163,6 +170,10 @@ class Account:
         """Return how fast the robot was when this was last seen, m/s; 0 before the first time."""
         return next((speed for seen_ns, speed in reversed(self.speeds) if seen_ns <= t_ns), 0.0)
 
+    def suffers(self, name: str) -> None:
+        """Note that the robot suffers a fault from now on."""
+        self._write(f"suffers {name}")
+
     def process(self, role: str) -> int | None:
         """Return a part's process id; None when it was not told."""
         return next((pid for found, pid in self.processes if found == role), None)
@@ -177,6 +188,7 @@ def read_witness(text: str) -> Account:
     modes: list[tuple[int, str, bool]] = []
     phases: list[tuple[int, str]] = []
     stood: list[tuple[int, float]] = []
+    suffered: list[tuple[int, str]] = []
     processes: list[tuple[str, int]] = []
     off = False
     for line in text.splitlines():
@@ -196,6 +208,8 @@ def read_witness(text: str) -> Account:
                     phases.append((t_ns, values[0]))
                 case "stood":
                     stood.append((t_ns, float(values[0])))
+                case "suffers":
+                    suffered.append((t_ns, values[0]))
                 case "process":
                     processes.append((values[0], int(values[1])))
                 case "begin" | "end":
@@ -211,5 +225,6 @@ def read_witness(text: str) -> Account:
         modes=tuple(sorted(modes)),
         phases=tuple(sorted(phases)),
         stood=tuple(sorted(stood)),
+        suffered=tuple(sorted(suffered)),
         processes=tuple(processes),
     )
