@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from adatracker_deploy.faults.catalogue import OURS
 from adatracker_deploy.faults.parts import FaultyPolicy, FaultySegmenter, FrozenCamera, Switch
 from adatracker_deploy.faults.phases import ENDING, IN_FLIGHT, TrialPhase
-from adatracker_deploy.faults.pulse import Pulse
+from adatracker_deploy.faults.interpreter import InterpreterWatch
 from adatracker_deploy.faults.schedule import next_due
 from adatracker_deploy.faults.strikes import MENDS, STRIKES, Victims
 from adatracker_deploy.faults.take_off import TakeOff
@@ -77,7 +77,7 @@ class Injection:
         self._file = far_end.witness or self._new_file(log_dir)
         self._witness = Witness(self._file)
         self._witness.process("tracker")
-        self._pulse = Pulse(self._witness.stood)
+        self._interpreter = InterpreterWatch(self._witness.stood)
         climbs = any(strike.phase in IN_FLIGHT for strike in strikes)
         self._take_off = TakeOff(self._file, self.enter) if climbs else None
         self._thread = threading.Thread(target=self._run, name="faults", daemon=True)
@@ -144,7 +144,7 @@ class Injection:
             self._ended = True
             self._news.notify_all()
         self._thread.join()
-        self._pulse.close()
+        self._interpreter.close()
         if self._take_off is not None:
             self._take_off.close()
         self._witness.close()

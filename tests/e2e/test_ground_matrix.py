@@ -43,8 +43,8 @@ def test_a_row_stops_in_time_stays_stopped_and_leaves_its_word_in_the_log(tmp_pa
     row = row_of("camera_freeze")
     result, fault = run(row, tmp_path)
     measured(
-        f"{PLATFORM}, {row.name}: told {result.told_s}, latched {result.latched_s}, stands {result.stands_s} s, "
-        f"machine stalled {result.stall_s:.2f} s"
+        f"{PLATFORM}, {row.name}: told {result.told_s}, latched {result.latched_s}, stands {result.stands_s} "
+        f"s, machine stalled {result.stall_s:.2f} s"
     )
     assert result.verdict in ("ok", "LATE"), result
     assert result.value_s is not None

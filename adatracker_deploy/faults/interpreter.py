@@ -13,17 +13,17 @@ NAP_S = 0.005
 WORTH_TELLING_S = 0.05
 
 
-class Pulse:
+class InterpreterWatch:
     """Watches until it is closed.
 
     Args:
-        stood: told, in the pulse's thread, for how many seconds the interpreter stood still until now.
+        stood: told, in a thread of its own, for how many seconds the interpreter stood still until now.
     """
 
     def __init__(self, stood: Callable[[float], None]) -> None:
         self._stood = stood
         self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._watch, name="pulse", daemon=True)
+        self._thread = threading.Thread(target=self._watch, name="interpreter", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
