@@ -14,9 +14,9 @@ import time
 from typing import TYPE_CHECKING
 
 from adatracker_deploy.faults.catalogue import OURS
+from adatracker_deploy.faults.interpreter import InterpreterWatch
 from adatracker_deploy.faults.parts import FaultyPolicy, FaultySegmenter, FrozenCamera, Switch
 from adatracker_deploy.faults.phases import ENDING, IN_FLIGHT, TrialPhase
-from adatracker_deploy.faults.interpreter import InterpreterWatch
 from adatracker_deploy.faults.schedule import next_due
 from adatracker_deploy.faults.strikes import MENDS, STRIKES, Victims
 from adatracker_deploy.faults.take_off import TakeOff

@@ -170,10 +170,6 @@ class Account:
         """Return how fast the robot was when this was last seen, m/s; 0 before the first time."""
         return next((speed for seen_ns, speed in reversed(self.speeds) if seen_ns <= t_ns), 0.0)
 
-    def suffers(self, name: str) -> None:
-        """Note that the robot suffers a fault from now on."""
-        self._write(f"suffers {name}")
-
     def process(self, role: str) -> int | None:
         """Return a part's process id; None when it was not told."""
         return next((pid for found, pid in self.processes if found == role), None)
