@@ -12,7 +12,9 @@ from typing import Annotated, Literal
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.schema import Range
 
-Dispensable = Literal["altitude", "battery", "geofence", "jerk", "ramp", "state_lost", "too_close"]
+Dispensable = Literal[
+    "altitude", "battery", "geofence", "jerk", "position_jumped", "ramp", "state_lost", "too_close"
+]
 """What a profile may switch off, by the name of the gate's reason. The rest (`not_finite`, `envelope`,
 `acceleration`, the age of commands, a robot that stopped by itself) never is."""
 

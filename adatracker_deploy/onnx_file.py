@@ -1,4 +1,4 @@
-"""What any ONNX file may hold before a robot's computer runs it: plain operators, and all weights inside.
+"""What an ONNX file may hold before a robot's computer runs it: plain operators, no loop, all weights inside.
 
 The file is walked as the protobuf message it is, so that nothing hides in a subgraph, a function or an
 attribute.
@@ -16,6 +16,10 @@ from adatracker_deploy.errors import UsageError
 
 OWN_DOMAINS = ("", "ai.onnx")
 """Two spellings of ONNX's own operators."""
+ENDLESS = frozenset({"Loop", "Scan", "SequenceMap"})
+"""Operators that run a graph of their own again and again: a Loop without a trip count for ever, Scans in
+Scans nearly so. No shipped network and none of the toolkit's exports has one; what has a fixed length can be
+unrolled."""
 RUNTIME_DOMAINS = (*OWN_DOMAINS, "com.microsoft")
 """And those that every onnxruntime carries besides: its quantiser and its optimiser write them."""
 
@@ -67,6 +71,11 @@ def check_plain(
             files.update(entry.value for entry in part.external_data if entry.key == "location")
         if isinstance(part, onnx.NodeProto) and part.domain not in domains:
             raise UsageError(f"{where}: uses the custom operator {part.domain}::{part.op_type}")
+        if isinstance(part, onnx.NodeProto) and part.op_type in ENDLESS:
+            raise UsageError(
+                f"{where}: holds a loop ({part.op_type}), which may never end; export it unrolled, from "
+                "fixed shapes"
+            )
     return files
 
 

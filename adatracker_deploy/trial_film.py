@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from adatracker_deploy.perception.overlay import Image
+    from adatracker_deploy.platform import Twist
     from adatracker_deploy.trial.reader import LoggedFrame, Trial
     from adatracker_deploy.trial.record import StepRecord
 
@@ -53,8 +54,11 @@ def shots(trial: Trial) -> Iterator[Shot]:
     began_ns = trial.steps[0].t_ns
     for step, frame in trial.ticks_with_frames():
         when = f"{(step.t_ns - began_ns) / 1e9:.2f} s"
-        drive = Drive(moves=_moves(step, limits) if step.action else None)
-        yield Shot(overlay(frame.rgb, _observation(step, frame), when, drive), step.t_ns)
+        drive = None
+        if step.stale or step.sent:
+            drive = Drive(moves=_moves(step.sent, limits) if step.sent and not step.stale else None)
+        picture = overlay(frame.rgb, _observation(step, frame), when, drive, stale=step.stale)
+        yield Shot(picture, step.t_ns)
 
 
 def _observation(step: StepRecord, frame: LoggedFrame) -> Observation:
@@ -67,12 +71,12 @@ def _limits(trial: Trial) -> dict[str, float]:
     known: Mapping[str, float] = trial.config.get("profile", {}).get("limits", {})
     found = {}
     for axis, (field, name) in _AXES.items():
-        greatest = max(abs(getattr(step.sent, field)) for step in trial.steps)
+        greatest = max((abs(getattr(step.sent, field)) for step in trial.steps if step.sent), default=0.0)
         if greatest > 0:
             found[axis] = known.get(name) or greatest
     return found
 
 
-def _moves(step: StepRecord, limits: Mapping[str, float]) -> dict[str, float]:
-    """Return what the link had sent last, in shares of the limits."""
-    return {axis: getattr(step.sent, _AXES[axis][0]) / limit for axis, limit in limits.items()}
+def _moves(sent: Twist, limits: Mapping[str, float]) -> dict[str, float]:
+    """Return what the link sent, in shares of the limits."""
+    return {axis: getattr(sent, _AXES[axis][0]) / limit for axis, limit in limits.items()}

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from adatracker_deploy.dry_run import DryRun
 from adatracker_deploy.errors import PlatformError, UsageError
 from adatracker_deploy.perception.camera import ROBOT, FilmOverError, scene_of, without_password
+from adatracker_deploy.perception.live import NO_STAMPS, LiveCamera
 from adatracker_deploy.perception.pipeline import Perception, Seen, refuse_hung
 from adatracker_deploy.perception.sources import open_source
 from adatracker_deploy.perception.world_camera import WorldCamera
@@ -222,6 +223,8 @@ class _Trial:
         self.progress.phase(f"opening the camera {without_password(uri)}")
         self.stack.callback(camera.close)
         camera.open()
+        if isinstance(camera, LiveCamera) and camera.hides_delay:
+            self.progress.phase(f"warning: camera {camera.name}: {NO_STAMPS}")
         if self.plan.segmenter.needs_truth:
             frame = camera.read(self.clock.now_ns())
             if frame is None or frame.truth is None:

@@ -21,6 +21,7 @@ from adatracker_deploy.messages import Box, MaskClass
 from adatracker_deploy.platform import Twist
 from adatracker_deploy.trial.folder import FILE_NAME
 from adatracker_deploy.trial.record import Latency, StepRecord
+from adatracker_deploy.trial.step_json import STEP_FORMAT
 from adatracker_deploy.trial.trial_file import TrialFile
 
 STEPS = 12_000
@@ -66,7 +67,7 @@ def step(number: int, rng: np.random.Generator) -> StepRecord:
 def write_trial(folder: Path) -> None:
     """Write the trial as the writer process would."""
     rng = np.random.default_rng(0)
-    about = {"step_format": "1", "platform": "wheeled", "kind": "real", "policy": "adatracker"}
+    about = {"step_format": str(STEP_FORMAT), "platform": "wheeled", "kind": "real", "policy": "adatracker"}
     metadata = {
         "trial": about | {"steps": str(STEPS), "started": "2026-01-01T12:00:00+00:00", "run_clock_ns": "0"},
         "config": {"yaml": "seed: 0\n"},

@@ -6,10 +6,14 @@ A subcommand's module has `add_parser(subparsers)`, which sets its `run(args) ->
 from __future__ import annotations
 
 import argparse
+import contextlib
+import errno
+import os
 import signal
 import sys
 import threading
 import time
+from pathlib import Path
 from typing import NoReturn
 
 from adatracker_deploy import __version__
@@ -32,6 +36,7 @@ def main(argv: list[str] | None = None) -> int:
     try:
         args = _parser(with_commands=named).parse_args(argv)
         status: int = args.run(args)
+        sys.stdout.flush()  # what cannot be written is told here and not by the interpreter's end
     except UsageError as error:
         print(f"adatracker-deploy: {error}", file=sys.stderr)
         return 2
@@ -41,7 +46,34 @@ def main(argv: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("adatracker-deploy: interrupted", file=sys.stderr)
         return 130
+    except BrokenPipeError:
+        _forget_stdout()  # whoever read it wants no more
+        return 1
+    except OSError as error:
+        return _told(error)
     return status
+
+
+def _told(error: OSError) -> int:
+    """Tell of a file that may not be used or an output that cannot be written; return the exit status.
+
+    Raises:
+        OSError: it is neither.
+    """
+    if isinstance(error, PermissionError):
+        print(f"adatracker-deploy: {error.filename}: {error.strerror}", file=sys.stderr)
+        return 2
+    if error.errno != errno.ENOSPC or error.filename is not None:  # a file's error would name it
+        raise error
+    _forget_stdout()
+    print(f"adatracker-deploy: the output could not be written ({error.strerror})", file=sys.stderr)
+    return 1
+
+
+def _forget_stdout() -> None:
+    """Throw away what is still to be written to stdout: the interpreter would try again at its end."""
+    with contextlib.suppress(OSError, ValueError), Path(os.devnull).open("wb") as nowhere:
+        os.dup2(nowhere.fileno(), sys.stdout.fileno())
 
 
 def _hear_interrupts() -> None:
@@ -81,7 +113,7 @@ def _parser(*, with_commands: bool) -> argparse.ArgumentParser:
     parser = _Parser(
         prog="adatracker-deploy",
         description="Run a person-following policy on a robot, or rehearse it in software-in-the-loop.",
-        epilog="Without a command it runs: adatracker-deploy --platform drone --sitl",
+        epilog="To run a robot give no command but --platform: adatracker-deploy --platform drone --sitl",
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     run.add_arguments(parser)

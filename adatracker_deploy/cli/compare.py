@@ -30,7 +30,9 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "field (order); or none",
     )
     parser.add_argument(
-        "--any-rate", action="store_true", help="compare trials of different rates too: EL is then in seconds"
+        "--any-rate",
+        action="store_true",
+        help="no more needed: trials of any rates are compared",
     )
     parser.add_argument("--json", action="store_true", help="one JSON object as the only line of stdout")
     add_scoring_options(parser)
@@ -50,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
     from adatracker_deploy.trial.compare import compare
     from adatracker_deploy.trial.compare_view import comparison_record, comparison_table
 
-    found = compare(ours, theirs, pairing=args.pairs, any_rate=args.any_rate)
+    found = compare(ours, theirs, pairing=args.pairs)
     if args.json:
         print(json.dumps(comparison_record(found, ours, theirs), allow_nan=False))
     else:

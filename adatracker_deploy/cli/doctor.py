@@ -176,6 +176,7 @@ class _Examination:
 
     def _camera(self, camera: Camera) -> Check:
         from adatracker_deploy.doctor import timing
+        from adatracker_deploy.perception.live import NO_STAMPS, LiveCamera
         from adatracker_deploy.platform import Check
 
         with contextlib.closing(camera):
@@ -183,6 +184,8 @@ class _Examination:
                 camera.open()
                 camera.go()
                 rate_hz, shape = timing.measured_camera(camera, self._clock)
+                hides_delay = isinstance(camera, LiveCamera) and camera.hides_delay
             except (PlatformError, UsageError) as error:
                 return Check("camera", ok=False, message=str(error))
-        return timing.camera_check(rate_hz, shape, self._policy.info.rate_hz)
+        check = timing.camera_check(rate_hz, shape, self._policy.info.rate_hz)
+        return dataclasses.replace(check, message=f"{check.message}; {NO_STAMPS}") if hides_delay else check

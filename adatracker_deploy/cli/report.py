@@ -32,6 +32,9 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         help="a trial's folder or file, or a folder of trials",
     )
     parser.add_argument("--out", metavar="HTML", type=Path, default=Path("report.html"), help="%(default)s")
+    parser.add_argument(
+        "--all", action="store_true", help="count trials in means whose timing was not kept, too"
+    )
     parser.add_argument("--json", action="store_true", help="one JSON object as the only line of stdout")
     parser.set_defaults(run=run)
 
@@ -47,6 +50,8 @@ def run(args: argparse.Namespace) -> int:
     from adatracker_deploy.report.trial_page import trial_page
 
     reports = _read(args.trials)
+    for report in reports:
+        report.summary["counted"] |= args.all
     one = reports[0] if len(reports) == 1 else None
     data = (trial_page(one, moments(one.trial)) if one else set_page(reports)).encode()
     try:

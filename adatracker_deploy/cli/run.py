@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from adatracker_deploy.cli.ranges import real, whole
 from adatracker_deploy.cli.seeing import add_segmenter_options
 from adatracker_deploy.errors import UsageError
+from adatracker_deploy.extras import need
 from adatracker_deploy.policy.catalogue import DEFAULT
 from adatracker_deploy.trial.live_port import DEFAULT_PORT, choose_port
 from adatracker_deploy.trial.record import RESULTS
@@ -139,7 +140,7 @@ def run(args: argparse.Namespace) -> int:
     from adatracker_deploy.runtime.running import Announcement
     from adatracker_deploy.trial.salvage import salvage_all
     from adatracker_deploy.trial.stage_table import stage_table
-    from adatracker_deploy.trial.summary import summarise_set
+    from adatracker_deploy.trial.summary import summarise_set, timing_words
     from adatracker_deploy.trial.summary_table import summary_table
 
     plans = _plans(args)
@@ -153,6 +154,12 @@ def run(args: argparse.Namespace) -> int:
     if any(summary["rate_hz"] for summary in summaries):
         console.print(stage_table(summaries))
     console.print(summary_table(summaries))
+    for row in summaries:
+        if not row["timing_kept"]:
+            warning = (
+                f"warning: {row['trial']}: {timing_words(row)}; left out of means ('score --all' counts it)"
+            )
+            console.print(warning, markup=False, soft_wrap=True)
     if args.json:
         print(json.dumps(summaries[0] if len(plans) == 1 else summarise_set(summaries)))
     outcomes = {summary["outcome"] for summary in summaries}
@@ -224,6 +231,7 @@ def _plans(args: argparse.Namespace) -> list[TrialPlan]:
         raise UsageError(
             "several platforms are rehearsed with their own profiles: add --sitl, drop --profile"
         )
+    need(_extras(args, names), f"--platform {args.platform}{' --sitl' if args.sitl else ''}")
     plans = [_plan(args, name) for name in names]
     if args.live is not None:
         live_port = choose_port(args.live)  # the same for all trials: a viewer finds the next one by itself
@@ -233,6 +241,12 @@ def _plans(args: argparse.Namespace) -> list[TrialPlan]:
         for plan in plans
         for trial in range(args.trials)
     ]
+
+
+def _extras(args: argparse.Namespace, names: list[str]) -> list[str]:
+    """Return the extras that are sure to be needed, so that all that are missing are named at once."""
+    virtual = args.sitl or args.scene or (args.camera or "").startswith("world:")
+    return [*names, *(["sitl"] if virtual else ()), *(["live"] if args.live is not None else ())]
 
 
 def _plan(args: argparse.Namespace, name: str) -> TrialPlan:

@@ -27,7 +27,7 @@ def run(args: argparse.Namespace) -> int:
     """Salvage what was named; a log that cannot be costs a line on stderr, not the others.
 
     Raises:
-        UsageError: nothing was unfinished, or nothing could be salvaged.
+        UsageError: there is no such log, or nothing could be salvaged.
     """
     from adatracker_deploy.trial.salvage import salvage, unfinished
 
@@ -41,11 +41,13 @@ def run(args: argparse.Namespace) -> int:
         raise errors[0]
     for bad in errors:
         print(f"adatracker-deploy: left as it is: {bad}", file=sys.stderr)
-    if not done:
+    if errors and not done:
         raise UsageError("none of these could be salvaged")
     if args.json:
         logs = [{"path": str(log.path), "steps": log.steps, "lost_bytes": log.lost_bytes} for log in done]
         print(json.dumps({"salvaged": logs}))
+    elif not done:
+        print(f"{args.path}: nothing to salvage: no log here is unfinished")
     else:
         for log in done:
             print(f"{log.path}: {log.steps} steps, {log.lost_bytes} bytes behind them lost")

@@ -48,6 +48,11 @@ def add_scoring_options(parser: argparse.ArgumentParser) -> None:
         help="leave out trials of N steps or fewer, as the published evaluation script does with 100; "
         "how many is said (default: every trial counts)",
     )
+    rules.add_argument(
+        "--all",
+        action="store_true",
+        help="count trials in means whose timing was not kept, too (default: they are listed and left out)",
+    )
     boxes = parser.add_argument_group("plain files of boxes")
     boxes.add_argument(
         "--image-size",
@@ -102,7 +107,8 @@ def gather(paths: Sequence[Path], args: argparse.Namespace, *, boxes: bool = Fal
     if len(kept) < len(summaries):
         _say(f"left out: {len(summaries) - len(kept)} trials of {args.drop_short} steps or fewer")
     for row in kept:
-        _remark(row)
+        _remark(row, everything=args.all)
+        row["counted"] = args.all or row.get("timing_kept", True)
     if not kept:
         raise UsageError("none of these could be scored")
     return kept
@@ -116,7 +122,9 @@ def _without_flags(paths: Sequence[Path]) -> list[Path]:
     return [path for path in paths if path not in flags]
 
 
-def _remark(row: Summary) -> None:
+def _remark(row: Summary, *, everything: bool) -> None:
+    from adatracker_deploy.trial.summary import timing_words
+
     if row.get("assumed_size"):
         width, height = row["assumed_size"]
         _say(
@@ -125,6 +133,11 @@ def _remark(row: Summary) -> None:
         )
     if row["bad_boxes"]:
         _say(f"{row['trial']}: {row['bad_boxes']} boxes with NaN or a negative size, counted as lost")
+    if not row.get("timing_kept", True):
+        _say(
+            f"{row['trial']}: {timing_words(row)}; "
+            f"{'counted' if everything else 'left out of means: --all counts it'}"
+        )
     if row.get("complete") is False:
         _say(f"{row['trial']}: the log was cut short, scored up to its last whole record")
     if row.get("recorded_outcome", row["outcome"]) != row["outcome"] and row["marks"]:

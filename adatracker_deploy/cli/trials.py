@@ -96,7 +96,8 @@ def _cells(row: Row, folder: Path) -> tuple[str, ...]:
 def _ending(row: Row) -> str:
     if row["outcome"] is None:
         return "being written"
-    return row["outcome"] if row["outcome"] == row["recorded_outcome"] else f"{row['outcome']}, marked"
+    marked = row["outcome"] != row["recorded_outcome"]
+    return f"{row['outcome']}{', marked' if marked else ''}{', late' if row['timing_kept'] is False else ''}"
 
 
 def _plain(text: object) -> str:

@@ -98,10 +98,10 @@ def run(args: argparse.Namespace) -> int:
         with console.status("") as status:
             for frame in frames:
                 viewed = viewer.look(frame, None if film else clock)
-                if shown is not None:
-                    shown.publish(Frame(viewed.picture, frame.t_ns, frame.seq))
                 if writer is not None:
                     writer.write(viewed.picture, frame.t_ns)
+                if shown is not None:  # then: whoever saw a picture finds it in the film
+                    shown.publish(Frame(viewed.picture, frame.t_ns, frame.seq))
                 state = viewed.observation.target
                 status.update(f"frame {frame.seq}, {state.value if state else 'no target yet'}")
     return 0

@@ -1,4 +1,4 @@
-"""The task as Gymnasium environments; importing this module registers them (needs the train extra).
+"""The task as Gymnasium environments, which `adatracker_deploy.gym` registers (needs the train extra).
 
 `AdaTracker-v0` draws its episodes from the deploy recipe; `AdaTrackerClean-v0`, `AdaTrackerField-v0` and
 `AdaTrackerHard-v0` from the paper's 16 bodies under that condition. `reset(seed=...)` takes the seed of the
@@ -16,7 +16,8 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from adatracker_deploy.learning.conditions import CONDITIONS, condition_named, make_cell, random_cell
+import adatracker_deploy.gym  # noqa: F401 -- registers what is defined here
+from adatracker_deploy.learning.conditions import condition_named, make_cell, random_cell
 from adatracker_deploy.learning.data.recipe import load_recipe
 from adatracker_deploy.learning.episode_spec import MASK_SIZE, EpisodeSpec
 from adatracker_deploy.learning.seeds import TRAINING
@@ -150,13 +151,3 @@ class TrackingEnv(gymnasium.Env[Observed, NDArray[np.float32]]):
             "lag_s": body.lag_s,
             "delay_s": body.delay_s,
         }
-
-
-def _register() -> None:
-    here = f"{__name__}:{TrackingEnv.__name__}"
-    gymnasium.register("AdaTracker-v0", here)
-    for name in CONDITIONS:
-        gymnasium.register(f"AdaTracker{name.capitalize()}-v0", here, kwargs={"condition": name})
-
-
-_register()

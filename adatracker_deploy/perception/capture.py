@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from typing import TYPE_CHECKING
 
@@ -60,6 +61,12 @@ class Capture:
     def rate_hz(self) -> float:
         """Frames per second as the video states them: 0 or anything else where it does not know."""
         return self._get(cv2.CAP_PROP_FPS)
+
+    @property
+    def at_ns(self) -> int:
+        """When the frame gone on to was taken, as the stream states it: 0 where it does not."""
+        at_ms = self._get(cv2.CAP_PROP_POS_MSEC)
+        return round(at_ms * 1e6) if 0 < at_ms < math.inf else 0
 
     def grab(self) -> bool:
         """Go on to the next frame; False when there is none, for whatever reason."""

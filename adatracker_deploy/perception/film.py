@@ -105,7 +105,7 @@ class FilmCamera(abc.ABC):
             due, t_ns = index + 1, self._began_ns + index * period_ns
         if self._newest is None or due > self._newest.seq:
             self._newest = self._frame(self._film, due, t_ns)
-            self._watch.accept(self._newest)
+            self._watch.accept(self._newest, t_ns)
         return self._newest
 
     def go(self) -> None:  # noqa: B027 -- all that a film can do

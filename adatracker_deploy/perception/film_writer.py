@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 SUFFIX = ".mp4"
-_CODEC = "mp4v"
+_CODEC = "vp09"
+"""VP9: what every browser plays, and the FFmpeg in OpenCV's own wheels writes (H.264 and AV1 it does not)."""
 
 
 def check_film_path(path: Path) -> None:
@@ -61,7 +62,8 @@ class FilmWriter:
         """
         if self._writer is None:
             self._began_ns, self._size = t_ns, (rgb.shape[1], rgb.shape[0])
-            self._writer = self._opened()
+            self._writer = cv2.VideoWriter()  # known to `close` before it is open: somebody may interrupt
+            self._open(self._writer)
         if (rgb.shape[1], rgb.shape[0]) != self._size:
             raise PlatformError(f"film {self._path}: a picture of another size")
         turn = round((t_ns - self._began_ns) / 1e9 * self._rate_hz)
@@ -82,6 +84,9 @@ class FilmWriter:
         if writer is None:
             return
         writer.release()
+        if not self.frames:
+            self._path.unlink(missing_ok=True)
+            return
         try:
             film = Capture(str(self._path))
             whole = film.grab()
@@ -91,13 +96,12 @@ class FilmWriter:
         if not whole:
             raise PlatformError(f"film {self._path}: what was written cannot be read: is the disk full?")
 
-    def _opened(self) -> cv2.VideoWriter:
+    def _open(self, writer: cv2.VideoWriter) -> None:
         keep_quiet()
         code = cv2.VideoWriter.fourcc(*_CODEC)
-        writer = cv2.VideoWriter(str(self._path), cv2.CAP_FFMPEG, code, self._rate_hz, self._size)
-        if not writer.isOpened():
-            raise UsageError(f"film {self._path}: OpenCV cannot write an MP4 ({_CODEC}) there")
-        return writer
+        if not writer.open(str(self._path), cv2.CAP_FFMPEG, code, self._rate_hz, self._size):
+            self._writer = None  # what is there is not ours
+            raise UsageError(f"film {self._path}: OpenCV cannot write an MP4 (VP9) there")
 
     def _put(self, writer: cv2.VideoWriter, bgr: NDArray[np.uint8]) -> None:
         writer.write(bgr)

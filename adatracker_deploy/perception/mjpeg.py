@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import contextlib
 import http.client
+import re
 import select
 import socket
 import ssl
@@ -26,10 +27,12 @@ if TYPE_CHECKING:
 
 _RECEIVE_BYTES = 1 << 18
 _GO_TIMEOUT_S = 2.0
+_TIMESTAMP = re.compile(r"([0-9]{1,12})(?:\.([0-9]{1,9}))?")
+"""Seconds, as mjpg-streamer, ROS web_video_server and ESP32 cameras write them into ``X-Timestamp``."""
 
 
 class MjpegCamera(LiveCamera):
-    """Reads a multipart stream of JPEGs; a frame's time is the run's clock when its last byte was received.
+    """Reads a multipart stream of JPEGs; one arrives with its last byte, and ``X-Timestamp`` is its stamp.
 
     Args:
         url: ``http://`` or ``https://``; a user and a password in it are sent as Basic authentication.
@@ -40,9 +43,6 @@ class MjpegCamera(LiveCamera):
         super().__init__(without_password(url), clock)
         self._url = urlsplit(url)
         self._socket: socket.socket | None = None
-        self._number: str | None = None
-        self.dropped = 0
-        """Parts of the stream that were no whole picture."""
 
     def go(self) -> None:
         """Let the people of a rehearsal walk; a camera whose frames carry no truth is not told.
@@ -104,26 +104,13 @@ class MjpegCamera(LiveCamera):
                 newest, t_ns = parts[-1], self.clock.now_ns()
             if newest is None or _waits(wire):
                 continue
-            if self._repeats(newest):
-                newest = None
-                continue
             try:
-                picture = decode_part(newest, t_ns)
+                picture = decode_part(newest, t_ns, self.clock.speed)
             except ValueError:
                 self.dropped += 1
             else:
                 yield picture
             newest = None
-
-    def _repeats(self, part: Part) -> bool:
-        """Tell whether a rehearsal's camera shows the picture of this number again: then it has frozen.
-
-        Others may number as they like; theirs are compared bit by bit, which in a rehearsal, where everybody
-        may stand as still as a picture, would prove nothing.
-        """
-        number = part.headers.get("x-sequence") if "x-truth" in part.headers else None
-        last, self._number = self._number, number
-        return number is not None and number == last
 
     def _boundary(self, response: http.client.HTTPResponse) -> str:
         if response.status == HTTPStatus.UNAUTHORIZED:
@@ -164,12 +151,26 @@ def _waits(wire: socket.socket) -> bool:
     return bool(select.select([wire], [], [], 0)[0])
 
 
-def decode_part(part: Part, t_ns: int) -> Picture:
+def decode_part(part: Part, t_ns: int, speed: float = 1.0) -> Picture:
     """Return what a part of the stream shows.
+
+    Args:
+        part: of the stream.
+        t_ns: when it arrived, by the run's clock.
+        speed: seconds of the run's clock, in which a rehearsal's stamps are, per second of the machine's.
 
     Raises:
         ValueError: it is no whole JPEG of a decent size, or its ``X-Truth`` is no truth.
     """
     truth = part.headers.get("x-truth")
     decoded = decode_truth(base64.b64decode(truth, validate=True)) if truth is not None else None
-    return Picture(decode_jpeg(part.body), t_ns, decoded, part.body)
+    stamp_ns = _stamp_ns(part.headers.get("x-timestamp", ""))
+    if truth is not None:
+        stamp_ns = round(stamp_ns / speed)
+    return Picture(decode_jpeg(part.body), t_ns, stamp_ns, decoded, part.body)
+
+
+def _stamp_ns(text: str) -> int:
+    """Return the time in an ``X-Timestamp``; 0 where there is none, or it is no time."""
+    time = _TIMESTAMP.fullmatch(text)
+    return int(time[1]) * 10**9 + int((time[2] or "").ljust(9, "0")) if time else 0

@@ -2,19 +2,22 @@
 
 ``GET /stream.mjpg``, or ``/``, is ``multipart/x-mixed-replace``: one JPEG a part with its time and number, in
 a rehearsal also with its truth. Any browser can watch. ``POST /go`` lets the people walk. It listens on this
-machine alone.
+machine alone, and answers nobody who was sent here under another name: a web page may let its own name lead
+to this machine, and would then be allowed to see the pictures (DNS rebinding).
 """
 
 from __future__ import annotations
 
 import base64
 import contextlib
+import re
 import socket
 import sys
 import threading
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
 
 import cv2
 
@@ -28,6 +31,8 @@ if TYPE_CHECKING:
 
 STREAM_PATH = "/stream.mjpg"
 GO_PATH = "/go"
+_OWN_NAMES = frozenset({"127.0.0.1", "localhost", "[::1]"})
+"""By which this machine's users reach it, on whatever port a tunnel puts it."""
 _BOUNDARY = "frame"
 _JPEG_QUALITY = 90
 _SEND_BUFFER_BYTES = 1 << 16
@@ -178,6 +183,11 @@ class _Server(ThreadingHTTPServer):
             super().handle_error(request, client_address)
 
 
+def _name(host: str) -> str:
+    """Return a host without its port, in lower case."""
+    return re.sub(r":[0-9]*$", "", host).lower()
+
+
 class _Handler(BaseHTTPRequestHandler):
     server: _Server
     timeout = _SEND_TIMEOUT_S
@@ -188,24 +198,41 @@ class _Handler(BaseHTTPRequestHandler):
         super().setup()
 
     def do_GET(self) -> None:
+        if self._refuses():
+            return
         if self.path not in ("/", STREAM_PATH):  # people type no path
             self.send_error(HTTPStatus.NOT_FOUND, explain=f"the stream is at {STREAM_PATH}")
             return
         self.send_response(HTTPStatus.OK)
         self.send_header("Content-Type", f"multipart/x-mixed-replace; boundary={_BOUNDARY}")
         self.send_header("Cache-Control", "no-store")
+        self.send_header("Cross-Origin-Resource-Policy", "same-origin")
         self.end_headers()
         shot = None
         while (shot := self.server.newest.after(shot)) is not None:
             self.wfile.write(shot.part())
 
     def do_POST(self) -> None:
+        if self._refuses():
+            return
         if self.path != GO_PATH:
             self.send_error(HTTPStatus.NOT_FOUND)
             return
         self.server.go()
         self.send_response(HTTPStatus.NO_CONTENT)
         self.end_headers()
+
+    def _refuses(self) -> bool:
+        """Refuse a request that a browser sends for somebody else's page; tell whether it was one.
+
+        Browsers name the host of every request (RFC 9110, 7.2), and with a POST the origin of the page that
+        makes it (RFC 6454, 7).
+        """
+        host, origin = self.headers.get("Host", "localhost"), self.headers.get("Origin")
+        own = _name(host) in _OWN_NAMES and (origin is None or _name(urlsplit(origin).netloc) in _OWN_NAMES)
+        if not own:
+            self.send_error(HTTPStatus.FORBIDDEN, explain="this page is for its own machine: use 127.0.0.1")
+        return not own
 
     def log_message(self, format: str, *args: Any) -> None:  # noqa: A002 -- http.server's name
         """Write nothing: stderr belongs to the run."""

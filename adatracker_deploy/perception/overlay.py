@@ -58,7 +58,9 @@ class Drive:
     """Its network's input, shape (S, S, 1) or (S, S, 3); None where it has no network."""
 
 
-def overlay(rgb: Image, observation: Observation, when: str, drive: Drive | None = None) -> Image:
+def overlay(
+    rgb: Image, observation: Observation, when: str, drive: Drive | None = None, *, stale: bool = False
+) -> Image:
     """Draw one frame as a new picture, of the size that `shown_size` gives.
 
     Args:
@@ -66,6 +68,7 @@ def overlay(rgb: Image, observation: Observation, when: str, drive: Drive | None
         observation: what perception made of it.
         when: its time or age, in words.
         drive: what the policy makes of it; None where there is none.
+        stale: it is too old to be acted on: where the target is now is not known.
     """
     width, height = shown_size(rgb.shape[1], rgb.shape[0])
     enlarged = height > rgb.shape[0]
@@ -74,10 +77,10 @@ def overlay(rgb: Image, observation: Observation, when: str, drive: Drive | None
     )
     _tint(image, observation.mask)
     pen = _Pen(image)
-    colour = STATE_COLOURS[_state(observation)]
+    colour = FAINT if stale else STATE_COLOURS[_state(observation)]
     if observation.box is not None:
         pen.box(observation.box, colour)
-    pen.status(_words(observation), f"frame {observation.seq}   {when}", colour)
+    pen.status("stale" if stale else _words(observation), f"frame {observation.seq}   {when}", colour)
     if drive is not None:
         pen.moves(drive.moves)
         if drive.sees is not None:

@@ -35,21 +35,28 @@ _STREAM_SETTINGS = (
 class VideoCamera(LiveCamera):
     """A device (``/dev/video0``), ``rtsp://``, ``rtsps://``, ``udp://``, ``tcp://`` or ``gst:PIPELINE``.
 
-    A frame's time is the run's clock when OpenCV had it. What a stream sent while OpenCV was finding out what
-    it is comes first, late and in quick succession.
+    A frame arrives when OpenCV has it. What a stream sent while OpenCV was finding out what it is comes
+    first, late and in quick succession. RTSP's frames carry the sender's time (RFC 3550); that of others may
+    be made up from the frame rate, and is not read.
     """
 
     def __init__(self, uri: str, clock: Clock) -> None:
         super().__init__(without_password(uri), clock)
         self._uri = uri
+        self._stamped = urlsplit(uri).scheme in _RTSP_PORTS
+
+    @property
+    def hides_delay(self) -> bool:
+        """A stream that is not known to state the time, which no device has to."""
+        return super().hides_delay and not self._uri.startswith(DEVICE)
 
     def _pictures(self) -> Generator[Picture, None, None]:
         try:
             self._reach()
             with contextlib.closing(self._capture()) as capture:
                 while capture.grab():
-                    t_ns = self.clock.now_ns()
-                    yield Picture(capture.rgb(), t_ns)
+                    t_ns, stamp_ns = self.clock.now_ns(), capture.at_ns if self._stamped else 0
+                    yield Picture(capture.rgb(), t_ns, stamp_ns)
         except OSError as error:
             raise PlatformError(f"camera {self.name}: {error.strerror or error}") from error
         except ValueError as error:

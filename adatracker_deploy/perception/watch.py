@@ -2,7 +2,7 @@
 
 A camera that hangs looks exactly like a scene in which nothing moves, and a policy that sees the past steers
 by it. So a picture that repeats the last one bit by bit is nothing new and as old as the first of its kind;
-and silence, a picture that goes on repeating and a size that changes each end the camera.
+and silence, a picture that goes on repeating, one of long ago and a size that changes each end the camera.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from adatracker_deploy.messages import Frame
 
 SILENT_AFTER_S = 2.0
-"""Machine time without a frame after which a camera counts as gone, s."""
+"""Machine time without a frame, or that the newest took to come, after which a camera counts as gone, s."""
 FROZEN_AFTER_S = 1.8
 """Machine time of one and the same picture after which it does: a real sensor's noise never repeats, s.
 
@@ -36,16 +36,22 @@ class FrameWatch:
         self._name = name
         self._speed = speed
         self._last: Frame | None = None
+        self._arrived_ns = 0
+        """When the newest frame did."""
         self._unchanged_s = 0.0
         """Machine time for which the newest frame's picture has been the same."""
 
-    def accept(self, frame: Frame) -> bool:
+    def accept(self, frame: Frame, arrived_ns: int) -> bool:
         """Take note of the next frame; return whether it shows anything that the last one did not.
+
+        Args:
+            frame: with the time at which it was taken.
+            arrived_ns: when it was received, by the same clock.
 
         Raises:
             PlatformError: its size is another than the last one's.
         """
-        last, self._last = self._last, frame
+        last, self._last, self._arrived_ns = self._last, frame, arrived_ns
         if last is None:
             return True
         if last.rgb.shape != frame.rgb.shape:
@@ -62,13 +68,19 @@ class FrameWatch:
         """See that frames come, and that they change; there is nothing to see before the first.
 
         Raises:
-            PlatformError: the camera is silent or frozen.
+            PlatformError: the camera is silent, late or frozen.
         """
         if self._last is None:
             return
-        silent_s = (now_ns - self._last.t_ns) / 1e9 / self._speed
+        silent_s = (now_ns - self._arrived_ns) / 1e9 / self._speed
         if silent_s > SILENT_AFTER_S:
             raise PlatformError(f"camera {self._name}: no picture has come for {silent_s:.1f} s")
+        late_s = (self._arrived_ns - self._last.t_ns) / 1e9 / self._speed
+        if late_s > SILENT_AFTER_S:
+            raise PlatformError(
+                f"camera {self._name}: by its time stamps its pictures come {late_s:.1f} s late: the network "
+                "or a queue holds them back, or its clock is wrong"
+            )
         if self._unchanged_s > FROZEN_AFTER_S:
             raise PlatformError(
                 f"camera {self._name}: has given the very same picture for {self._unchanged_s:.1f} s: "

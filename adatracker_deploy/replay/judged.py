@@ -93,11 +93,6 @@ def judge_again(steps: Sequence[StepRecord], limits: Limits) -> Judgement:
     return Judgement(tuple(ticks), None)
 
 
-def logged_sent(steps: Sequence[StepRecord]) -> list[Twist]:
-    """Return what the log says was sent last before each tick but the first."""
-    return [step.sent for step in steps[1:]]
-
-
 def _robot(step: StepRecord) -> PlatformState:
     """Return the robot's state as the link saw it: a tick that is logged had an engaged robot."""
     heard = step.state_age_s < float("inf")

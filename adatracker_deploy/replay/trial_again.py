@@ -115,8 +115,11 @@ def gate_again(trial: Trial, limits: Limits) -> GateAgain:
     before = judge_again(steps, wall_timeouts(before_limits, speed))
     after = judge_again(steps, wall_timeouts(limits, speed))
     both = list(zip(before.ticks, after.ticks, strict=False))
-    numbers = [tick.step for tick in before.ticks]
-    later = [step.sent for step in steps[1 : len(numbers) + 1]]
+    answered = [
+        (tick.step, step.sent, tick.sent)
+        for step, tick in zip(steps, before.ticks, strict=False)
+        if step.sent is not None
+    ]
     notes = []
     if len(steps) < len(trial.steps):
         notes.append(f"the log lacks tick {steps[-1].step + 1}: judged up to there")
@@ -133,7 +136,11 @@ def gate_again(trial: Trial, limits: Limits) -> GateAgain:
         before=before,
         after=after,
         apart=apart([a.step for a, _ in both], [a.sent for a, _ in both], [b.sent for _, b in both]),
-        agreement=apart(numbers[: len(later)], later, [tick.sent for tick in before.ticks[: len(later)]]),
+        agreement=apart(
+            [tick for tick, _, _ in answered],
+            [logged for _, logged, _ in answered],
+            [judged for _, _, judged in answered],
+        ),
         notes=tuple(notes),
     )
 

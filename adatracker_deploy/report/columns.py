@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from adatracker_deploy.runtime.gate.reasons import limited, withheld
 from adatracker_deploy.trial.metrics import box_reward
 
 if TYPE_CHECKING:
@@ -23,8 +24,6 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 AXES = ("vx", "vy", "vz", "yaw_rate")
-LIMITING = frozenset({"envelope", "acceleration"})
-"""Reasons of the gate that change a command but obey it; every other one withholds it."""
 
 
 class Stretch(NamedTuple):
@@ -43,7 +42,7 @@ class Columns:
     period_s: float
     """The usual time between two ticks."""
     reward: Floats
-    """R against the first box, 0 while the target is lost."""
+    """R against the first box, 0 while the target is lost; NaN while stale, when it is not known."""
     centre_error: Floats
     """Distance of the box's centre from the first one's, in fractions of the image."""
     size_error: Floats
@@ -93,12 +92,14 @@ def columns(steps: Sequence[StepRecord]) -> Columns:
     return Columns(
         time_s=time_s,
         period_s=statistics.median(np.diff(time_s)) if len(steps) > 1 else 0.05,
-        reward=_floats(_with(reference, step.box, box_reward, 0.0) for step in steps),
+        reward=_floats(
+            _with(reference, step.box, box_reward, math.nan if step.stale else 0.0) for step in steps
+        ),
         centre_error=_floats(_with(reference, step.box, _centre_error, math.nan) for step in steps),
         size_error=_floats(_with(reference, step.box, _size_error, math.nan) for step in steps),
-        lost=np.array([step.box is None for step in steps]),
-        stopped=np.array([not step.action or not LIMITING.issuperset(step.gate) for step in steps]),
-        limited=np.array([bool(LIMITING.intersection(step.gate)) for step in steps]),
+        lost=np.array([step.box is None and not step.stale for step in steps]),
+        stopped=np.array([step.stale or withheld(step.gate) for step in steps]),
+        limited=np.array([limited(step.gate) for step in steps]),
         asked=_by_axis([step.command for step in steps]),
         sent=_by_axis([step.sent for step in steps]),
         measured=_by_axis([step.velocity for step in steps]),

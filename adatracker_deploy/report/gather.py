@@ -91,7 +91,7 @@ def key_steps(steps: Sequence[StepRecord]) -> dict[str, StepRecord]:
     names = iter(("start", "first loss", "seen again"))
     seen = True
     for step in steps:
-        if (step.box is not None) == seen:
+        if not step.stale and (step.box is not None) == seen:
             name = next(names, None)
             if name is None:
                 break
@@ -111,10 +111,10 @@ def _picture(step: StepRecord, frame: LoggedFrame | None, trial: Trial) -> bytes
     if frame is None:
         return None
     state = _STATES.get(step.target or "")
-    if state is None and step.box is None:
+    if state is None and step.box is None and not step.stale:
         state = TargetState.LOST
     seen = Observation(frame.mask, step.box, step.confidence, step.t_ns, frame.seq, state)
-    picture = overlay(frame.rgb, seen, f"{_since_start_s(trial, step):.1f} s")
+    picture = overlay(frame.rgb, seen, f"{_since_start_s(trial, step):.1f} s", stale=step.stale)
     height, width = picture.shape[:2]
     if height > PICTURE_HEIGHT_PX:
         size = (round(width * PICTURE_HEIGHT_PX / height), PICTURE_HEIGHT_PX)

@@ -44,6 +44,7 @@ _TARGET_LOOKS = {
     "reacquired": "s-new",
     "coasting": "s-fair",
     "lost": "s-bad",
+    "stale": "s-c",
 }
 _MODE_LOOKS = ("s-a", "s-b", "s-c", "s-d")
 _LEVEL_LOOKS = {"info": "s-a", "warning": "s-fair", "error": "s-bad"}
@@ -64,7 +65,7 @@ def over_time(report: Report, cols: Columns) -> list[Html]:
 
 def _timeline(report: Report, cols: Columns, span: Span) -> Html:
     steps = report.trial.steps
-    target = _states(cols, [step.target or ("seen" if step.box else "lost") for step in steps])
+    target = _states(cols, [_target(step) for step in steps])
     modes = _states(cols, [step.mode or "unnamed" for step in steps])
     whole = [Stretch(0.0, span.length_s)]
     gate = [
@@ -101,6 +102,11 @@ def _timeline(report: Report, cols: Columns, span: Span) -> Html:
         lane("events", span, notes) if any(band.stretches for band in notes) else None,
         time_axis(span.length_s),
     )
+
+
+def _target(step: StepRecord) -> str:
+    """Say what was known of the target."""
+    return "stale" if step.stale else step.target or ("seen" if step.box else "lost")
 
 
 def _states(cols: Columns, names: Sequence[str]) -> dict[str, list[Stretch]]:

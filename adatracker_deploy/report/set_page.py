@@ -32,12 +32,13 @@ def set_page(reports: Sequence[Report]) -> str:
         tag("p", "Report of a set of trials", class_="kicker"),
         tag("h1", f"{len(reports)} trials, {completed} completed"),
         _counts(outcomes),
+        _late(reports),
     )
     return page(
         f"{len(reports)} trials, {completed} completed",
         heading,
-        _points(groups),
-        _survival(groups),
+        _points(groups) if groups else None,
+        _survival(groups) if groups else None,
         _trials(reports),
     )
 
@@ -51,8 +52,18 @@ def _by_method(reports: Sequence[Report]) -> dict[str, list[Summary]]:
     groups: dict[str, list[Summary]] = {}
     for report in reports:
         name = shortened(f"{report.summary['platform']}, {report.summary['policy']}", _LONGEST_NAME)
-        groups.setdefault(name, []).append(report.summary)
+        if report.summary["counted"]:
+            groups.setdefault(name, []).append(report.summary)
     return groups
+
+
+def _late(reports: Sequence[Report]) -> Html | None:
+    """Say which trials are in no mean."""
+    late = [str(place) for place, report in enumerate(reports, start=1) if not report.summary["counted"]]
+    if not late:
+        return None
+    words = f"Left out of all means, for their timing was not kept: number {', '.join(late)}."
+    return tag("p", words, class_="faint")
 
 
 def _points(groups: dict[str, list[Summary]]) -> Html:

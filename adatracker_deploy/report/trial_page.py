@@ -98,8 +98,14 @@ def _figures(report: Report) -> Html:
             figure(latency["p50"], 0, "ms"),
             f"p99 {figure(latency['p99'], 0)}, most {figure(latency['max'], 0)}",
         ),
-        ("missed deadlines", f"{summary['missed_deadlines']}", ""),
+        (
+            "missed deadlines",
+            f"{summary['missed_deadlines']}",
+            "" if summary["timing_kept"] else "timing not kept: counts in no mean",
+        ),
     ]
+    if summary["stale"]:
+        values.append(("stale", f"{summary['stale']:.0%}", "of the ticks: frames too old to act on"))
     if summary["ar"] is not None:
         values.insert(4, ("AR", figure(summary["ar"], 1), "by the truth"))
     if summary["stop_s"] is not None:

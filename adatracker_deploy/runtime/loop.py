@@ -10,7 +10,7 @@ from adatracker_deploy.policy.base import Policy, to_twist
 from adatracker_deploy.runtime.link import LinkStatus, Phase
 from adatracker_deploy.runtime.pacer import Pacer, Tick
 from adatracker_deploy.runtime.pulse import LINK_LOST
-from adatracker_deploy.runtime.trace import Trace
+from adatracker_deploy.runtime.trace import Handed, Trace
 from adatracker_deploy.trial.metrics import MAX_LOST_STEPS, target_visible
 from adatracker_deploy.trial.record import Latency, Outcome, StepRecord
 
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from adatracker_deploy.messages import Action
     from adatracker_deploy.perception.pipeline import Seen
     from adatracker_deploy.runtime.clock import Clock
-    from adatracker_deploy.runtime.trace import Arrival
+    from adatracker_deploy.runtime.trace import Handed
 
 STALE_OBSERVATION_S = 0.22
-"""An older observation is not acted on: zero is sent, and the step counts as lost. Machine time.
+"""An older observation is not acted on: zero is sent, and the step is stale. Machine time.
 
 The robot then brakes as smoothly as it drives, until the gate, which knows when the frame was taken, makes
 it zero at once (`Limits.sight_timeout_s`). A segmenter that takes 0.1 s can still be followed."""
@@ -33,7 +33,7 @@ MISSED_IN_A_ROW = 3
 At 20 Hz no command has then come for 0.2 s, by when the gate sends zero: the robot has begun to stop
 for want of commands, and what has begun to stop does not go on by itself."""
 BLIND_S = 2.0
-"""Without a fresh observation for this long the trial ends. Machine time."""
+"""Without an observation fresh enough to act on for this long the trial ends. Machine time."""
 
 
 class Commands(Protocol):
@@ -69,17 +69,24 @@ class Loop:
     limits: Limits
     clock: Clock
     write: Callable[[StepRecord, Seen], None]
-    """Takes every tick's record; must not block."""
+    """Takes every tick's record, once the link has answered; must not block."""
 
     def run(self, steps: int) -> Ending:
         """Run at the policy's rate until the trial ends.
 
         The first tick's box is the reference that scoring measures against, so a whole trial has
-        `steps` + 1 ticks, numbered from 0.
+        `steps` + 1 ticks, numbered from 0. A tick is written when the link has said what became of its
+        command, which is usually at the next tick; however the trial ends, every tick is written.
         """
-        pacer = Pacer(self.clock, self.policy.info.rate_hz)
         trace = Trace()
-        lost = 0
+        try:
+            return self._follow(steps, trace)
+        finally:
+            self._write(trace.settled(self.link.status(), patience=0))
+
+    def _follow(self, steps: int, trace: Trace) -> Ending:
+        pacer = Pacer(self.clock, self.policy.info.rate_hz)
+        lost, fresh_ns = 0, self.clock.now_ns()
         for step in range(steps + 1):
             tick = pacer.wait(self._patience)
             status, seen = self.link.status(), self.observe()
@@ -87,15 +94,13 @@ class Loop:
                 return Ending("system_fault", LINK_LOST)
             if seen is None:
                 return Ending("system_fault", "the camera has given no frame")
-            if ending := self._prevented(tick, status, seen):
+            if ending := self._prevented(tick, status, seen, fresh_ns):
                 return ending
             action, infer_ms = self._act(tick, seen)
             command = to_twist(action.values, self.policy.info.action, self.limits) if action else ZERO
             box = seen.observation.box if action else None
             self.link.send(command, tick.t_ns, box.area if box else None, seen.frame.t_ns)
             handed_ns = self.clock.now_ns()
-            latency = _latency(tick, seen, infer_ms, handed_ns, trace.arrived(status.acted))
-            trace.hand_over(tick.t_ns, seen.frame.t_ns, handed_ns)
             record = _record(
                 step=step,
                 tick=tick,
@@ -103,25 +108,40 @@ class Loop:
                 status=status,
                 action=action,
                 command=command,
-                latency=latency,
+                latency=_latency(tick, seen, infer_ms, handed_ns),
                 missed_deadlines=pacer.missed,
             )
-            self.write(record, seen)
-            lost = 0 if record.box else lost + 1
+            trace.hand_over(record, seen, handed_ns)
+            self._write(trace.settled(status))
+            if action:
+                fresh_ns, lost = tick.t_ns, 0 if box else lost + 1
             if lost >= MAX_LOST_STEPS:
                 return Ending("lost", f"the target was not seen for {lost} steps")
             if seen.frame.truth is not None and seen.frame.truth.collided:
                 return Ending("collision", "the robot touched an obstacle or a person")
         return Ending("completed")
 
-    def _prevented(self, tick: Tick, status: LinkStatus, seen: Seen) -> Ending | None:
-        """Say why this tick cannot be driven; None when it can."""
+    def _write(self, ticks: list[Handed]) -> None:
+        for tick in ticks:
+            self.write(tick.record, tick.seen)
+
+    def _prevented(self, tick: Tick, status: LinkStatus, seen: Seen, fresh_ns: int) -> Ending | None:
+        """Say why this tick cannot be driven; None when it can. The last one acted on was at `fresh_ns`."""
         if status.phase is not Phase.ACTIVE:
             return Ending("takeover" if status.takeover else "safety_stop", status.stopped)
         if tick.skipped >= self._patience:
             return Ending("safety_stop", f"deadlines_missed: {tick.skipped} slots in a row")
         age_s = self._age_s(tick, seen)
-        return Ending("safety_stop", f"no new camera frame for {age_s:.1f} s") if age_s > BLIND_S else None
+        if age_s > BLIND_S:
+            return Ending("safety_stop", f"no new camera frame for {age_s:.1f} s")
+        late_s = (tick.t_ns - fresh_ns) / 1e9 / self.clock.speed
+        if late_s > BLIND_S and age_s > STALE_OBSERVATION_S:
+            return Ending(
+                "safety_stop",
+                f"perception is late: for {late_s:.1f} s no frame was fresh enough to act on, the newest is "
+                f"{age_s:.2f} s old",
+            )
+        return None
 
     @property
     def _patience(self) -> float:
@@ -141,8 +161,8 @@ class Loop:
         return (tick.t_ns - seen.frame.t_ns) / 1e9 / self.clock.speed
 
 
-def _latency(tick: Tick, seen: Seen, infer_ms: float, handed_ns: int, arrival: Arrival | None) -> Latency:
-    """Say where the time went: this tick's, and on the wire that of the newest command which got there."""
+def _latency(tick: Tick, seen: Seen, infer_ms: float, handed_ns: int) -> Latency:
+    """Say where this tick's time went, up to the set-point in the link's hands."""
     capture_ms = perceive_ms = None
     if seen.taken_ns is not None and seen.ready_ns is not None:
         capture_ms = (seen.taken_ns - seen.frame.t_ns) / 1e6
@@ -154,9 +174,6 @@ def _latency(tick: Tick, seen: Seen, infer_ms: float, handed_ns: int, arrival: A
         lateness_ms=tick.lateness_s * 1e3,
         capture_ms=capture_ms,
         perceive_ms=perceive_ms,
-        gate_ms=arrival.gate_ms if arrival else None,
-        send_ms=arrival.send_ms if arrival else None,
-        sensor_to_wire_ms=arrival.sensor_to_wire_ms if arrival else None,
     )
 
 
@@ -171,19 +188,18 @@ def _record(
     latency: Latency,
     missed_deadlines: int,
 ) -> StepRecord:
-    """Write one tick down; without an action the observation was too old and the step counts as lost."""
+    """Put one tick down as it is before the link has acted; without an action the observation was stale."""
     observation, truth, state = seen.observation, seen.frame.truth, status.state
     return StepRecord(
         step=step,
         t_ns=tick.t_ns,
         frame_seq=observation.seq,
+        stale=action is None,
         box=observation.box if action else None,
         confidence=observation.confidence if action else 0.0,
         action=tuple(map(float, action.values)) if action else (),
         context=tuple(map(float, action.context)) if action and action.context is not None else (),
         command=command,
-        sent=status.sent,
-        gate=status.reasons,
         mode=state.mode,
         pose=state.pose,
         velocity=state.velocity,

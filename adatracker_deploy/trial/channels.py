@@ -3,7 +3,7 @@
 | topic    | schema                    | content                                                       |
 |----------|---------------------------|---------------------------------------------------------------|
 | /step    | adatracker.Step, JSON     | every field of `StepRecord`                                   |
-| /command | adatracker.Command, JSON  | the twist asked for and the twist really sent                 |
+| /command | adatracker.Command, JSON  | the twist asked for, and what the link then sent for it       |
 | /camera  | foxglove.CompressedImage  | the frame, JPEG; a frame that several ticks saw is there once |
 | /mask    | foxglove.CompressedImage  | the class mask, palette PNG whose pixel values are the ids    |
 | /box     | foxglove.ImageAnnotations | the target's box in the frame's pixels; empty while lost      |
@@ -53,6 +53,7 @@ _COMMAND_SCHEMA = {
     "description": "Body frame of REP 103: x forward, y left, z up, yaw counter-clockwise; m/s and rad/s.",
     "type": "object",
     "properties": {"asked": _TWIST_SCHEMA, "sent": _TWIST_SCHEMA},
+    "required": ["asked"],
 }
 _GREEN = {"r": 0.24, "g": 0.86, "b": 0.35, "a": 1.0}
 
@@ -124,7 +125,8 @@ class Encoder:
         Raises:
             TypeError, ValueError: a field cannot be written as JSON.
         """
-        twists = {"asked": dataclasses.asdict(record.command), "sent": dataclasses.asdict(record.sent)}
+        asked_and_sent = {"asked": record.command, "sent": record.sent}
+        twists = {name: dataclasses.asdict(twist) for name, twist in asked_and_sent.items() if twist}
         messages = [
             Message("/step", wall_ns, step_to_json(record), record.step),
             Message("/command", wall_ns, json.dumps(twists).encode(), record.step),

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Literal
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.stats.exact import Test, fisher, permutation, sign_flip
 from adatracker_deploy.stats.intervals import Estimate, mean_difference, mean_estimate, share_difference
-from adatracker_deploy.trial.summary import columns_of
+from adatracker_deploy.trial.summary import columns_of, counted
 
 if TYPE_CHECKING:
     from collections.abc import Hashable, Sequence
@@ -86,31 +86,30 @@ def compare(
     theirs: Sequence[Summary],
     *,
     pairing: Pairing = "auto",
-    any_rate: bool = False,
 ) -> Comparison:
-    """Compare two sets of scored trials, A and B; differences are B less A.
+    """Compare two sets of scored trials, A and B, as far as they are `counted`; differences are B less A.
+
+    Where the trials' rates differ, EL is compared in seconds, and AR, a sum over steps, not at all.
 
     Args:
         ours: A, at least one.
         theirs: B, at least one.
         pairing: by equal rehearsals if every trial has its partner (auto), by order, or none.
-        any_rate: compare trials of different rates as well, EL then in seconds.
 
     Raises:
-        UsageError: the trials ran at different or unknown rates and `any_rate` is not given, or EL would
-            be in seconds and a trial's rate is not known; pairs by order are wanted of unequal sets.
+        UsageError: the rates differ and a trial's is not known; pairs by order are wanted of unequal sets;
+            no trial of A or of B counts.
     """
+    left_out = len(ours) + len(theirs)
+    ours, theirs, pairs = _counted(ours, theirs, _pairs(ours, theirs, pairing))
+    left_out -= len(ours) + len(theirs)
     different = _rates_differ([*ours, *theirs])
-    if different and not any_rate:
-        raise UsageError(
-            f"the trials ran at different rates ({different}): steps are not equally long. "
-            "--any-rate compares them all the same, EL in seconds"
-        )
-    pairs = _pairs(ours, theirs, pairing)
     first, second = _columns(ours, in_seconds=bool(different)), _columns(theirs, in_seconds=bool(different))
     counts = (len(ours), len(theirs))
     found = []
-    for metric in (key for key in ("mr", "el", "sr", "ar") if key in first and key in second):
+    for metric in ("mr", "el", "sr") if different else ("mr", "el", "sr", "ar"):
+        if metric not in first or metric not in second:
+            continue
         a, b = first[metric], second[metric]
         means = (statistics.fmean(a), statistics.fmean(b))
         if metric == "sr":
@@ -134,6 +133,8 @@ def compare(
             )
         )
     notes = _notes(ours, theirs, different)
+    if left_out:
+        notes = (f"{left_out} trials are left out, whose timing was not kept or whose pair's was not", *notes)
     return Comparison(differences=tuple(found), paired=pairs is not None, notes=notes)
 
 
@@ -159,6 +160,27 @@ def _columns(summaries: Sequence[Summary], *, in_seconds: bool) -> dict[str, lis
             )
         columns["el"] = [row.get("seconds") or 0.0 for row in summaries]
     return columns
+
+
+def _counted(
+    ours: Sequence[Summary], theirs: Sequence[Summary], pairs: Sequence[int] | None
+) -> tuple[Sequence[Summary], Sequence[Summary], Sequence[int] | None]:
+    """Return the trials that count, of pairs those of which both do, and the pairs among them.
+
+    Raises:
+        UsageError: none is left.
+    """
+    if pairs is None:
+        kept: tuple[Sequence[Summary], ...] = (counted(ours), counted(theirs))
+    else:
+        both = [(row, theirs[place]) for row, place in zip(ours, pairs, strict=True)]
+        both = [pair for pair in both if len(counted(pair)) == 2]
+        kept = ([row for row, _ in both], [row for _, row in both])
+        pairs = range(len(both))
+    for name, rows in zip(("A", "B"), kept, strict=True):
+        if not rows:
+            raise UsageError(f"{name}: no trial kept its timing, so there is nothing to compare; --all does")
+    return kept[0], kept[1], pairs
 
 
 def _pairs(ours: Sequence[Summary], theirs: Sequence[Summary], pairing: Pairing) -> list[int] | None:
@@ -190,7 +212,11 @@ def _episode(row: Summary) -> Hashable | None:
 def _notes(ours: Sequence[Summary], theirs: Sequence[Summary], different: str) -> tuple[str, ...]:
     notes = []
     if different:
-        notes.append(f"the trials ran at different rates ({different}): EL is compared in seconds")
+        notes.append(
+            f"the trials ran at different rates ({different}): EL is compared in seconds, AR is not. "
+            "At half the rate so many lost steps are twice as long, and so is a horizon of as many steps: EL "
+            "and SR are like for like only with horizons of equal seconds"
+        )
     horizons = sorted({row["steps"] for row in (*ours, *theirs)})
     if len(horizons) > 1:
         notes.append(

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rich import box
 from rich.console import Group
-from rich.table import Table
 from rich.text import Text
 
 from adatracker_deploy.trial.compare import DIGITS
-from adatracker_deploy.trial.summary import columns_of, statistics_of, summarise_set
+from adatracker_deploy.trial.fitting import FittingTable
+from adatracker_deploy.trial.summary import columns_of, counted, statistics_of, summarise_set
 from adatracker_deploy.trial.summary_table import bounds_text, ending_text, number_text
 
 if TYPE_CHECKING:
@@ -37,20 +36,33 @@ def comparison_record(
 
 def comparison_table(found: Comparison, ours: Sequence[Summary], theirs: Sequence[Summary]) -> RenderableType:
     """Draw means and differences, every trial's own value below, then the words and what to know first."""
-    table = Table(box=box.SIMPLE_HEAD)
-    for column in ("", f"A (n = {len(ours)})", f"B (n = {len(theirs)})", "B less A", "95 %", "p"):
-        table.add_column(column, justify="right" if column else "left", no_wrap=True)
+    sides = (("A", ours), ("B", theirs))
+    rows: list[Sequence[str]] = []
     for each in found.differences:
         digits = 1 if each.unit == "s" else DIGITS[each.metric]
-        table.add_row(
-            f"{each.metric.upper()}{f' ({each.unit})' if each.unit else ''}",
-            *(number_text(mean, digits) for mean in each.means),
-            f"{each.estimate.value:+z.{digits}f}",
-            bounds_text(each.estimate.bounds, digits),
-            f"{each.test.p:.2g}",
-            style="bold" if each.test.separates else "",
+        rows.append(
+            (
+                f"{each.metric.upper()}{f' ({each.unit})' if each.unit else ''}",
+                *(number_text(mean, digits) for mean in each.means),
+                f"{each.estimate.value:+z.{digits}f}",
+                bounds_text(each.estimate.bounds, digits),
+                f"{each.test.p:.2g}",
+            )
         )
-    sides = (("A", ours), ("B", theirs))
+    table = FittingTable(
+        names=(
+            "",
+            f"A (n = {len(counted(ours))})",
+            f"B (n = {len(counted(theirs))})",
+            "B less A",
+            "95 %",
+            "p",
+        ),
+        rows=rows,
+        expendable=("95 %", "p"),
+        left=("",),
+        bold=[each.test.separates for each in found.differences],
+    )
     endings = [Text(f"  {name}: {ending_text(statistics_of(rows), len(rows))}") for name, rows in sides]
     points = [
         Text(f"  {metric.upper()} of {name}: {_points(rows, metric)}")
@@ -64,7 +76,7 @@ def comparison_table(found: Comparison, ours: Sequence[Summary], theirs: Sequenc
 
 
 def _points(rows: Sequence[Summary], metric: str) -> str:
-    return ", ".join(number_text(value, DIGITS[metric]) for value in columns_of(rows)[metric])
+    return ", ".join(number_text(value, DIGITS[metric]) for value in columns_of(counted(rows))[metric])
 
 
 def _record(each: Difference) -> dict[str, object]:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 COLUMNS = (
     "trial", "platform", "policy", "outcome", "mr", "mr_visible", "visibility", "el", "steps", "seconds",
     "rate_hz", "ar", "missed_deadlines", "bad_boxes", "reason", "recorded_outcome",
+    "stale", "timing_kept", "counted",
 )  # fmt: skip
 """Keys of a trial's summary; what a trial does not have is empty."""
 

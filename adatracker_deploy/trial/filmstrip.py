@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from adatracker_deploy.trial.record import StepRecord
 
     Image = NDArray[np.uint8]
+    Colour = tuple[int, int, int]
 
 FRAME_PX = 220
 """Height of each frame."""
@@ -35,6 +36,7 @@ OVERLAY = 0.45
 """How strongly the mask is painted over a frame."""
 
 LOST = (250, 222, 217)
+STALE = (226, 229, 235)
 RED = (200, 50, 40)
 GREEN = PALETTE[MaskClass.TARGET]
 
@@ -76,12 +78,12 @@ def film_strip(trial: Trial, frames: int = 8) -> Image:
     write(canvas, _title(trial), (LEFT_PX, LABEL_PX - 9), INK, 0.6)
     canvas[LABEL_PX : LABEL_PX + strip.shape[0], LEFT_PX : LEFT_PX + strip.shape[1]] = strip
     times_s = [(step.t_ns - began_ns) / 1e9 for step in trial.steps]
-    lost = [step.box is None for step in trial.steps]
+    shades = [_shade(step) for step in trial.steps]
     top = LABEL_PX + strip.shape[0]
     for curve in curves:
-        _chart(canvas[top : top + CHART_PX], curve, times_s, lost)
+        _chart(canvas[top : top + CHART_PX], curve, times_s, shades)
         top += CHART_PX + GAP_PX
-    _time_axis(canvas, top, times_s[-1])
+    _time_axis(canvas, top, times_s[-1], stale=STALE in shades)
     return canvas
 
 
@@ -100,10 +102,12 @@ def _title(trial: Trial) -> str:
 def _curves(steps: Sequence[StepRecord]) -> list[Curve]:
     reference = next((step.box for step in steps if step.box is not None), None)
 
-    def reward(box: Box | None) -> float:
-        return box_reward(box, reference) if box is not None and reference is not None else 0.0
+    def reward(step: StepRecord) -> float | None:
+        if step.stale:
+            return None
+        return box_reward(step.box, reference) if step.box and reference else 0.0
 
-    curves = [Curve("R (box)", [reward(step.box) for step in steps], 0.0, 1.0, wanted=1.0)]
+    curves = [Curve("R (box)", [reward(step) for step in steps], 0.0, 1.0, wanted=1.0)]
     if any(step.distance_m is not None for step in steps):
         bearings = [None if step.bearing_rad is None else math.degrees(step.bearing_rad) for step in steps]
         curves += [
@@ -125,7 +129,9 @@ def _picture(step: StepRecord, frame: LoggedFrame, time_s: float) -> Image:
         _outline(image, step.box)
     label = np.full((LABEL_PX, size[0], 3), PAPER, np.uint8)
     write(label, f"{time_s:.1f} s", (2, 20), INK, 0.55)
-    if step.box is None:
+    if step.stale:
+        write(label, "stale", (size[0] - 48, 20), GREY, 0.55)
+    elif step.box is None:
         write(label, "lost", (size[0] - 42, 20), RED, 0.55)
     elif step.distance_m is not None:
         write(label, f"{step.distance_m:.1f} m", (size[0] - 62, 20), INK, 0.55)
@@ -152,18 +158,25 @@ def _padded(image: Image, gap_px: int) -> Image:
     return np.pad(image, ((0, 0), (0, gap_px), (0, 0)), constant_values=PAPER[0])
 
 
-def _chart(area: Image, curve: Curve, times_s: Sequence[float], lost: Sequence[bool]) -> None:
-    """Draw a curve into a strip as wide as the picture; lost stretches are shaded."""
+def _shade(step: StepRecord) -> Colour | None:
+    if step.stale:
+        return STALE
+    return LOST if step.box is None else None
+
+
+def _chart(area: Image, curve: Curve, times_s: Sequence[float], shades: Sequence[Colour | None]) -> None:
+    """Draw a curve into a strip as wide as the picture; lost and stale stretches are shaded."""
     chart = Chart(area, times_s[-1], curve.low, curve.high)
-    for before_s, now_s, gone in zip(times_s, times_s[1:], lost[1:], strict=False):
-        if gone:
-            chart.shade(before_s, now_s, LOST)
+    for before_s, now_s, colour in zip(times_s, times_s[1:], shades[1:], strict=False):
+        if colour:
+            chart.shade(before_s, now_s, colour)
     chart.frame(curve.name, curve.wanted)
     chart.curve(times_s, curve.values, BLUE)
 
 
-def _time_axis(canvas: Image, top: int, duration_s: float) -> None:
+def _time_axis(canvas: Image, top: int, duration_s: float, *, stale: bool) -> None:
     write(canvas, "0 s", (LEFT_PX, top + 8), GREY, 0.55)
     write(canvas, f"{duration_s:.1f} s", (canvas.shape[1] - GAP_PX - 64, top + 8), GREY, 0.55)
     if canvas.shape[1] > 6 * LEFT_PX:
-        write(canvas, "shaded: target lost", (canvas.shape[1] // 2 - 40, top + 8), GREY, 0.55)
+        words = "shaded: target lost" + ("; grey: frame too old to act on" if stale else "")
+        write(canvas, words, (canvas.shape[1] // 2 - 40, top + 8), GREY, 0.55)

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import os
+import tempfile
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from adatracker_deploy.errors import UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
 
 FILE_NAME = "trial.mcap"
 PART_NAME = FILE_NAME + ".part"
@@ -21,14 +22,20 @@ CONFIG_NAME = "config.yaml"
 
 
 def place_for_logs(log_dir: Path) -> Path:
-    """Return `log_dir`, or the nearest folder above it that exists; nothing is made.
+    """Return `log_dir`, or the nearest folder above it that exists; nothing stays made there.
 
     Raises:
         UsageError: it cannot be written to.
     """
-    nearest = next(folder for folder in (log_dir.absolute(), *log_dir.absolute().parents) if folder.exists())
-    if not nearest.is_dir() or not os.access(nearest, os.W_OK):
-        raise UsageError(f"log folder {log_dir}: {nearest} cannot be written; choose another with --log-dir")
+    log_dir = log_dir.absolute()
+    nearest = next(folder for folder in (log_dir, *log_dir.parents) if os.path.lexists(folder))
+    try:
+        Path(tempfile.mkdtemp(prefix=".adatracker-", dir=nearest)).rmdir()  # what a run would do, not a guess
+    except OSError as error:
+        raise UsageError(
+            f"log folder {log_dir}: nothing can be made in {nearest} ({error.strerror}); choose another with "
+            "--log-dir"
+        ) from error
     return nearest
 
 

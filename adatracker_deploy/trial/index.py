@@ -9,9 +9,9 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 from adatracker_deploy.errors import UsageError
-from adatracker_deploy.trial.folder import FILE_NAME, PART_NAME, SUMMARY_NAME
+from adatracker_deploy.trial.folder import PART_NAME, SUMMARY_NAME
 from adatracker_deploy.trial.marks import holding, read_marks
-from adatracker_deploy.trial.reader import read_head, read_scored, trial_file
+from adatracker_deploy.trial.reader import find_trials, read_head, read_scored, trial_file
 from adatracker_deploy.trial.summary import summarise_log
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 COLUMNS = (
     "started", "platform", "kind", "policy", "outcome", "recorded_outcome", "mr", "el", "steps", "seconds",
-    "bytes", "notes", "trial", "error",
+    "bytes", "notes", "trial", "error", "timing_kept",
 )  # fmt: skip
 """Keys of a row; what a trial does not have is None."""
 _FROM_SUMMARY = ("mr", "el", "steps", "seconds")
@@ -40,19 +40,20 @@ def index(folder: Path) -> list[Row]:
     """
     if not folder.is_dir():
         raise UsageError(f"{folder}: no such folder")
-    places = {file.parent for name in (FILE_NAME, PART_NAME) for file in folder.rglob(name)}
-    if not places:
-        raise UsageError(f"{folder}: no trials in it: no folder here has a {FILE_NAME}")
-    return sorted((_row(place) for place in places), key=lambda row: (row["started"], row["trial"]))
+    return sorted(
+        (_row(place) for place in find_trials(folder)), key=lambda row: (row["started"], row["trial"])
+    )
 
 
 def _row(place: Path) -> Row:
-    file = trial_file(place)
     row: Row = dict.fromkeys(COLUMNS) | {"trial": str(place), "notes": []}
     with contextlib.suppress(OSError):
-        about = file.stat()
-        row |= {"bytes": about.st_size, "started": _utc(about.st_mtime)}
+        row["started"] = _utc(place.stat().st_mtime)
     try:
+        file = trial_file(place)
+        with contextlib.suppress(OSError):
+            about = file.stat()
+            row |= {"bytes": about.st_size, "started": _utc(about.st_mtime)}
         row |= _said(file)
     except UsageError as error:
         row["error"] = str(error)
@@ -83,6 +84,7 @@ def _said(file: Path) -> Row:
         | {
             "outcome": outcome,
             "recorded_outcome": recorded,
+            "timing_kept": found.get("timing_kept"),
         }
     )
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.trial.summary import by_method, statistics_of
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.trial.summary import by_method, counted, statistics_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,8 +31,15 @@ def real_world_table(summaries: Sequence[Summary]) -> str:
     """Return a table environment; it needs the packages booktabs and graphicx.
 
     Platforms and, within each, policies come in the order of their first trials. EL is marked where trials
-    reached the horizon, and the caption says what that means and gives the numbers of trials.
+    reached the horizon, and the caption says what that means and gives the numbers of trials. Those
+    that are not `counted` are left out.
+
+    Raises:
+        UsageError: none is left.
     """
+    summaries = counted(summaries)
+    if not summaries:
+        raise UsageError("no trial kept its timing, so there is no table to write; --all counts them all")
     platforms: dict[str, list[str]] = {}
     groups = by_method(summaries)
     for (platform, policy), group in groups.items():

@@ -4,8 +4,11 @@ Source: AdaTracker, section "Experimental Setup" (task setting, evaluation metri
 
 * The paper sums R from t = 0 to L and divides by L, so that a perfect trial would exceed 1 and the reference
   box would score itself. Here the step that gives the reference is left out: L + 1 ticks give L scored steps.
-* A step without a box has R = 0. Leaving lost steps out would turn a trial that sees its target for one tenth
-  of the time into a good one; what it would say is reported beside it, as `mr_visible` and `visibility`.
+* A step whose newest frame was too old to act on (stale) is no measurement: it is neither seen nor lost, and
+  one step fewer in MR. How many there were is said.
+* A step that looked and found no box has R = 0. Leaving lost steps out would turn a trial that sees its
+  target for one tenth of the time into a good one; what it would say is reported beside it, as `mr_visible`
+  and `visibility`.
 * A trial ends at the 50th lost step in a row.
 
 What the paper prints and what its simulator's code does instead are `Rules`.
@@ -80,6 +83,10 @@ class ScorableStep(Protocol):
         """Normalised; None while lost."""
 
     @property
+    def stale(self) -> bool:
+        """Nothing fresh enough was seen."""
+
+    @property
     def distance_m(self) -> float | None:
         """Truth, horizontal."""
 
@@ -96,12 +103,12 @@ class Score:
     """One trial in numbers."""
 
     mr: float
-    """Mean R over the scored steps, lost ones as 0; in [0, 1], but for `Rules.count_reference`. 0 when the
-    trial ended before its first."""
+    """Mean R over the scored steps but the stale, lost ones as 0; in [0, 1], but for `Rules.count_reference`.
+    0 when the trial ended before its first."""
     mr_visible: float | None
     """Mean R over the steps with a box; None without any."""
     visibility: float
-    """Share of the scored steps with a box; in [0, 1]."""
+    """Share of the scored steps but the stale with a box; in [0, 1]."""
     el: int
     """Episode length: steps until the trial ended."""
     ar: float | None = None
@@ -110,6 +117,8 @@ class Score:
     """It ended by the rule of lost steps."""
     ticks: int = 0
     """That were scored, the reference's included; what came after the end was not."""
+    stale: int = 0
+    """Ticks whose newest frame was too old to act on."""
     bad_boxes: int = 0
     """Boxes that are none (not finite, without a size), counted as lost."""
 
@@ -123,7 +132,8 @@ class Scorer:
     """Scores a trial tick by tick, in the same memory however long it lasts.
 
     The first box is the reference. Ticks before it count as lost, and so does a box that is none. Ticks after
-    the end of the trial, by the rule of lost steps, do not count at all.
+    the end of the trial, by the rule of lost steps, do not count at all. Stale ticks neither end a run of
+    lost steps nor lengthen it.
     """
 
     def __init__(self, rules: Rules = DEFAULT_RULES) -> None:
@@ -131,6 +141,7 @@ class Scorer:
         self._reference: Box | None = None
         self._box_rewards, self._rewards = RunningSum(), RunningSum()
         self._ticks, self._el, self._lost_in_a_row, self._bad_boxes = 0, 0, 0, 0
+        self._stale = 0
 
     @property
     def lost(self) -> bool:
@@ -154,11 +165,14 @@ class Scorer:
         if self._ticks and step.distance_m is not None and step.bearing_rad is not None:
             self._rewards.add(max(step_reward(step.distance_m, step.bearing_rad), self.rules.least_reward))
         self._el = step.step
-        self._see(step.box)
+        if step.stale:
+            self._ticks, self._stale = self._ticks + 1, self._stale + 1
+        else:
+            self._see(step.box)
 
     def score(self) -> Score:
         """Return what the ticks so far come to; AR is the sum of the reward over all but the first."""
-        scored, seen = max(0, self._ticks - 1), self._box_rewards.count
+        scored, seen = max(0, self._ticks - self._stale - 1), self._box_rewards.count
         found = self._box_rewards.total()
         total = found + (1.0 if self.rules.count_reference and self._reference is not None else 0.0)
         return Score(
@@ -169,6 +183,7 @@ class Scorer:
             ar=self._rewards.total() if self._rewards.count else None,
             lost=self.lost,
             ticks=self._ticks,
+            stale=self._stale,
             bad_boxes=self._bad_boxes,
         )
 

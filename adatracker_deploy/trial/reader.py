@@ -10,8 +10,6 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
-import cv2
-import numpy as np
 import yaml
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.Log_pb2 import Log
@@ -21,15 +19,24 @@ from mcap.records import Footer, Metadata
 from mcap.writer import MCAP0_MAGIC
 
 from adatracker_deploy.errors import UsageError
+from adatracker_deploy.perception.jpeg import decode_jpeg
 from adatracker_deploy.trial.folder import FILE_NAME, PART_NAME
 from adatracker_deploy.trial.marks import Mark, read_marks
 from adatracker_deploy.trial.mask_png import decode_mask
+from adatracker_deploy.trial.older import as_of_format_2
 from adatracker_deploy.trial.scan import whole_records
-from adatracker_deploy.trial.step_json import STEP_FORMAT, scored_step_from_json, step_from_json
+from adatracker_deploy.trial.search import search
+from adatracker_deploy.trial.step_json import (
+    OLDEST_FORMAT,
+    STEP_FORMAT,
+    scored_step_from_json,
+    step_from_json,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Container, Iterator
 
+    import numpy as np
     from numpy.typing import NDArray
 
     from adatracker_deploy.messages import ClassMask
@@ -131,7 +138,7 @@ class Trial(TrialAbout):
             if topic == "/camera":  # its mask is the next record
                 jpeg = record.data
                 continue
-            with contextlib.suppress(DecodeError, ValueError, cv2.error):
+            with contextlib.suppress(DecodeError, ValueError):
                 yield _frame(record.sequence, jpeg, record.data)
 
     def ticks_with_frames(self) -> Iterator[tuple[StepRecord, LoggedFrame]]:
@@ -237,16 +244,17 @@ def _read(path: Path, decode: Callable[[bytes], StepT]) -> tuple[dict[str, Any],
             "frame_seqs": frozenset(frame_seqs),
             "marks": read_marks(file),
         }
-    except (KeyError, TypeError, ValueError, DecodeError, yaml.YAMLError) as error:
+    except (KeyError, TypeError, ValueError, RecursionError, DecodeError, yaml.YAMLError) as error:
         raise UsageError(f"{file}: not a trial of this toolkit ({_one_line(error)})") from error
-    return about, tuple(sorted(steps, key=lambda step: step.step))
+    ordered = sorted(steps, key=lambda step: step.step)
+    return about, tuple(ordered if int(trial["step_format"]) >= 2 else as_of_format_2(ordered))
 
 
 def _check_format(file: Path, trial: Mapping[str, str]) -> None:
     found = int(trial["step_format"])
     if found > STEP_FORMAT:
         raise UsageError(f"{file}: written by a newer version of this toolkit; update adatracker-deploy")
-    if found < STEP_FORMAT:
+    if found < OLDEST_FORMAT:
         writer = trial.get("adatracker-deploy", "unknown")
         raise UsageError(
             f"{file}: written by an older version of this toolkit, in step format {found}, which this one "
@@ -257,15 +265,17 @@ def _check_format(file: Path, trial: Mapping[str, str]) -> None:
 def find_trials(path: Path) -> list[Path]:
     """Return the trials that a path names: itself, or those in the folders below it, sorted.
 
+    Folders that may not be read are among them: reading them says so.
+
     Raises:
         UsageError: there is none.
     """
     if not path.is_dir():
         return [path]
-    found = {file.parent for name in (FILE_NAME, PART_NAME) for file in path.rglob(name)}
-    if not found:
+    found = search(path, {FILE_NAME, PART_NAME}.__contains__)
+    if not (found.files or found.refused):
         raise UsageError(f"{path}: no trials in it: no folder here has a {FILE_NAME}")
-    return sorted(found)
+    return sorted({*(file.parent for file in found.files), *found.refused})
 
 
 def trial_file(path: Path) -> Path:
@@ -274,10 +284,13 @@ def trial_file(path: Path) -> Path:
     Raises:
         UsageError: there is none.
     """
-    candidates = [path / FILE_NAME, path / PART_NAME] if path.is_dir() else [path]
-    for candidate in candidates:
-        if candidate.is_file():
-            return candidate
+    try:
+        candidates = [path / FILE_NAME, path / PART_NAME] if path.is_dir() else [path]
+        for candidate in candidates:
+            if candidate.is_file():
+                return candidate
+    except PermissionError as error:
+        raise UsageError(f"{path}: may not be read ({error.strerror})") from error
     missing = f"no {FILE_NAME} in it" if path.is_dir() else "no such file or folder"
     raise UsageError(f"{path}: {missing}")
 
@@ -300,9 +313,7 @@ def _records(path: Path, wanted: Callable[[str, int], bool]) -> Iterator[tuple[s
 def _frame(seq: int, camera: bytes, mask: bytes) -> LoggedFrame:
     """Decode a frame from its two messages."""
     jpeg = CompressedImage.FromString(camera).data
-    picture = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
-    rgb = cv2.cvtColor(picture, cv2.COLOR_BGR2RGB)
-    return LoggedFrame(seq, rgb, decode_mask(CompressedImage.FromString(mask).data), jpeg)
+    return LoggedFrame(seq, decode_jpeg(jpeg), decode_mask(CompressedImage.FromString(mask).data), jpeg)
 
 
 def _one_line(error: Exception) -> str:

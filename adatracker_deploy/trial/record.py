@@ -34,12 +34,12 @@ class Latency:
     perceive_ms: float | None = None
     """What segmentation and the target lock took."""
     gate_ms: float | None = None
-    """Of the newest set-point that the robot was sent, usually the tick's before: from being handed to the
-    link until its gate had judged it. Absent, with the next two, when the link has sent no newer one."""
+    """From the set-point handed to the link until its gate had judged it. Absent, with the next two, when the
+    link had not sent this tick's set-point by the tick after the next, or never did."""
     send_ms: float | None = None
-    """Of the same set-point: what the robot's adapter took to send it."""
+    """What the robot's adapter took to send it."""
     sensor_to_wire_ms: float | None = None
-    """Of the same set-point: from its frame's capture until it was sent."""
+    """From the frame's capture until the set-point was sent."""
 
     @property
     def wait_ms(self) -> float | None:
@@ -51,7 +51,11 @@ class Latency:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepRecord:
-    """One tick: what was seen, decided, sent and measured; lengths in m, angles in rad."""
+    """One tick: what was measured and seen as it began, what was decided, and what the link made of that.
+
+    Lengths in m, angles in rad. In format 1 `sent`, `gate` and the latencies behind the gate were those of
+    the tick before, and a stale tick had only an empty action; readers put such logs right.
+    """
 
     step: int
     """From 0: the first tick, whose box is the reference."""
@@ -60,7 +64,10 @@ class StepRecord:
     frame_seq: int
     """The camera frame that this tick acted on."""
     box: Box | None = None
-    """The target's box, in fractions of the image; absent while the target is lost."""
+    """The target's box, in fractions of the image; absent while the target is lost, and while stale."""
+    stale: bool = False
+    """The newest observation was too old to act on: where the target was is not known, and zero was asked
+    for. Neither seen nor lost."""
     confidence: float
     """Perception's confidence in the target, 0 to 1."""
     action: tuple[float, ...]
@@ -69,10 +76,11 @@ class StepRecord:
     """The embodiment context z; empty without an encoder."""
     command: Twist
     """What the policy asked for."""
-    sent: Twist
-    """What the link last sent, after its gate."""
-    gate: tuple[str, ...]
-    """Why the gate changed the command, by the names of `gate.Reason`; empty when it did not."""
+    sent: Twist | None = None
+    """What the link last made of this command, after its gate; zero once a stop has latched. Absent when a
+    newer command replaced it before the link's slot, or the trial ended before the link had answered."""
+    gate: tuple[str, ...] = ()
+    """Why that is not the command, by the names of `gate.Reason`; empty when it is, or `sent` is absent."""
     mode: str
     """The robot's own name for its mode."""
     pose: Pose | None = None
@@ -109,6 +117,7 @@ class ScoredStep:
     step: int
     t_ns: int
     box: Box | None = None
+    stale: bool = False
     latency: Latency
     missed_deadlines: int
     distance_m: float | None = None

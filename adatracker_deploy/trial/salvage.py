@@ -20,13 +20,14 @@ from mcap.writer import MCAP0_MAGIC
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.trial.folder import PART_NAME, sync_folder
 from adatracker_deploy.trial.scan import whole_records
+from adatracker_deploy.trial.search import search
 from adatracker_deploy.trial.trial_file import start_mcap
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-PART_SUFFIX = ".part"
+FINISHED_SUFFIX, PART_SUFFIX = ".mcap", ".part"
 _NEW_SUFFIX = ".salvaging"
 
 
@@ -43,18 +44,22 @@ class Salvaged:
 def unfinished(path: Path) -> list[Path]:
     """Return the unfinished logs that a path names: itself, or those in and below a folder, sorted.
 
+    A finished log is none, and folders may have none: then there is nothing to do.
+
     Raises:
-        UsageError: there is none.
+        UsageError: nothing is there, it is no log, or a folder may not be read.
     """
     if path.is_dir():
-        found = sorted(path.rglob(PART_NAME))
-        if not found:
-            raise UsageError(f"{path}: nothing to salvage: no folder here has a {PART_NAME}")
-        return found
+        found = search(path, PART_NAME.__eq__)
+        if found.refused and not found.files:
+            raise UsageError(f"{found.refused[0]}: may not be read")
+        return found.files
     if not path.is_file():
         raise UsageError(f"{path}: no such file or folder")
+    if path.name.endswith(FINISHED_SUFFIX):
+        return []
     if path.suffix != PART_SUFFIX:
-        raise UsageError(f"{path}: nothing to salvage: an unfinished log ends in .mcap{PART_SUFFIX}")
+        raise UsageError(f"{path}: not a log: an unfinished one ends in {FINISHED_SUFFIX}{PART_SUFFIX}")
     return [path]
 
 

@@ -15,7 +15,8 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Footer, Header, Message, Metadata, Schema
-from mcap.stream_reader import breakup_chunk
+
+from adatracker_deploy.trial.unpack import Allowance, unpacked
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -36,6 +37,8 @@ _READ = {
     int(Opcode.FOOTER): Footer,
 }
 """Besides messages; indices and sums follow from these."""
+_READ_IN_CHUNKS = {opcode: _READ[opcode] for opcode in (int(Opcode.SCHEMA), int(Opcode.CHANNEL))}
+"""A chunk holds messages and these, and no other chunk."""
 
 
 def whole_records(stream: IO[bytes], wanted: Callable[[str, int], bool]) -> Iterator[tuple[str, Any]]:
@@ -47,10 +50,30 @@ def whole_records(stream: IO[bytes], wanted: Callable[[str, int], bool]) -> Iter
             they are left empty.
 
     Raises:
-        McapError: a chunk is compressed with what is not installed.
+        McapError: a chunk is compressed with what is not installed, or would unpack to more than logs do.
     """
+    size = os.fstat(stream.fileno()).st_size
+    allowance = Allowance(size)
     topics: dict[int, str] = {}
-    at, size = stream.tell(), os.fstat(stream.fileno()).st_size
+    for topic, record in _records(stream, size, wanted, topics, _READ):
+        if isinstance(record, Chunk):
+            try:
+                data = unpacked(record, allowance)
+            except EndOfFile:
+                return
+            yield from _records(io.BytesIO(data), len(data), wanted, topics, _READ_IN_CHUNKS)
+        else:
+            yield topic, record
+
+
+def _records(
+    stream: IO[bytes],
+    size: int,
+    wanted: Callable[[str, int], bool],
+    topics: dict[int, str],
+    read: dict[int, Any],
+) -> Iterator[tuple[str, Any]]:
+    at = stream.tell()
     while len(head := stream.read(_HEAD_SIZE)) >= _OPCODE_AND_LENGTH.size:
         opcode, length = _OPCODE_AND_LENGTH.unpack_from(head)
         at += _OPCODE_AND_LENGTH.size + length
@@ -58,25 +81,24 @@ def whole_records(stream: IO[bytes], wanted: Callable[[str, int], bool]) -> Iter
             return
         try:
             if opcode == Opcode.MESSAGE:
+                if length < _MESSAGE.size:
+                    return
                 channel_id, sequence, log_time, publish_time = _MESSAGE.unpack_from(
                     head, _OPCODE_AND_LENGTH.size
                 )
                 topic = topics.get(channel_id, "")
                 data = stream.read(length - _MESSAGE.size) if wanted(topic, sequence) else b""
                 yield topic, Message(channel_id, log_time, data, publish_time, sequence)
-            elif opcode in _READ:
+            elif opcode in read:
                 stream.seek(at - length)
-                for record in _parsed(opcode, stream.read(length)):
-                    if isinstance(record, Channel):
-                        topics[record.id] = record.topic
-                    yield topics.get(record.channel_id, "") if isinstance(record, Message) else "", record
-                    if isinstance(record, Footer):
-                        return
+                record = read[opcode].read(ReadDataStream(io.BytesIO(stream.read(length))))
+                if isinstance(record, Channel):
+                    topics[record.id] = record.topic
+                yield "", record
+                if isinstance(record, Footer):
+                    return
+            elif opcode == 0:  # no record has it (MCAP, "Records"): a file's or a chunk's blank rest
+                return
         except (EndOfFile, struct.error, UnicodeDecodeError, ValueError):
             return
         stream.seek(at)
-
-
-def _parsed(opcode: int, body: bytes) -> list[Any]:
-    record = _READ[opcode].read(ReadDataStream(io.BytesIO(body)))
-    return breakup_chunk(record) if isinstance(record, Chunk) else [record]

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
 from typing import TYPE_CHECKING
 
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.trial.box_file import ABSENT_SUFFIX, read_boxes
-from adatracker_deploy.trial.folder import FILE_NAME
+from adatracker_deploy.trial.folder import FILE_NAME, PART_NAME
 from adatracker_deploy.trial.reader import find_trials, read_scored
+from adatracker_deploy.trial.search import search
 from adatracker_deploy.trial.summary import summarise_boxes, summarise_log
 
 if TYPE_CHECKING:
@@ -30,9 +30,8 @@ def find_sources(path: Path) -> list[Path]:
     """
     if not path.is_dir():
         return [path]
-    with contextlib.suppress(UsageError):
-        return find_trials(path)
-    return find_box_files(path)
+    logs = search(path, {FILE_NAME, PART_NAME}.__contains__).files
+    return find_trials(path) if logs else find_box_files(path)
 
 
 def find_box_files(path: Path) -> list[Path]:
@@ -43,8 +42,8 @@ def find_box_files(path: Path) -> list[Path]:
     """
     if not path.is_dir():
         return [path]
-    files = [file for suffix in BOX_SUFFIXES for file in path.rglob(f"*{suffix}")]
-    files = sorted(file for file in files if not file.name.endswith(ABSENT_SUFFIX))
+    found = search(path, lambda name: name.endswith(BOX_SUFFIXES) and not name.endswith(ABSENT_SUFFIX))
+    files = found.files + found.refused
     if not files:
         raise UsageError(
             f"{path}: no trials in it: no folder here has a {FILE_NAME}, and no .txt or .csv holds boxes"

@@ -6,7 +6,7 @@ import statistics
 from typing import TYPE_CHECKING
 
 from rich import box
-from rich.table import Table
+from rich.table import Column, Table
 
 from adatracker_deploy.trial.stages import STAGES
 from adatracker_deploy.trial.summary_table import number_text
@@ -24,7 +24,7 @@ def stage_table(summaries: Sequence[Summary]) -> Table:
     Several trials are shown by the median of their medians, and by the worst of their p99 and maxima.
     """
     name = "what, in ms" if len(summaries) == 1 else f"what, in ms; the worst of {len(summaries)} trials"
-    table = Table("stage", name, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table = Table("stage", Column(name, overflow="fold"), box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for column in ("p50", "p99", "max"):
         table.add_column(column, justify="right")
     for stage, words in STAGES.items():

@@ -25,8 +25,11 @@ from adatracker_deploy.trial.record import ScoredStep, StepRecord
 StepT = TypeVar("StepT", StepRecord, ScoredStep)
 
 STEP_SCHEMA_NAME = "adatracker.Step"
-STEP_FORMAT = 1
-"""Raised when a field changes its meaning; fields may be added without."""
+STEP_FORMAT = 2
+"""Raised when a field changes its meaning; fields may be added without. 2: `sent`, `gate` and the latencies
+behind the gate are of the record's own tick; `stale` is said."""
+OLDEST_FORMAT = 1
+"""The oldest that is read; `older` says how."""
 
 _STEP = msgspec.json.Decoder(StepRecord, strict=False)  # not strict: "NaN" is a number
 _SCORED_STEP = msgspec.json.Decoder(ScoredStep, strict=False)

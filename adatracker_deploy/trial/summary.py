@@ -82,8 +82,6 @@ def summarise_set(summaries: Sequence[Summary]) -> Summary:
 
     Where there are several platforms or policies, `groups` says it of each.
 
-    Raises:
-        ValueError: there are none.
     """
     groups = by_method(summaries)
     table: Summary = {"trials": list(summaries), **statistics_of(summaries)}
@@ -99,13 +97,16 @@ def statistics_of(summaries: Sequence[Summary]) -> Summary:
     """Return `mean`, `std` and 95 % `interval` of mr, el and sr, of ar if all have it; and how trials ended.
 
     SR is the share of trials that were completed. The std is the sample's (ddof = 1); one trial has None.
-    Intervals are Student's, SR's is Wilson's; a bound that does not exist is None. `outcomes` counts them,
+    Trials that are not `counted` are left out, and their number is `left_out`; where none is left, means are
+    None. Intervals are Student's, SR's is Wilson's; a bound that does not exist is None. `outcomes` counts,
     `censored` says how many trials reached the horizon, so that their EL is a lower bound, and `survival` is
     the Kaplan-Meier curve of EL, by its falls, with its median where it reaches one half.
-
-    Raises:
-        ValueError: there are none.
     """
+    left_out = len(summaries)
+    summaries = counted(summaries)
+    left_out -= len(summaries)
+    if not summaries:
+        return _NOTHING | {"left_out": left_out}
     values = columns_of(summaries)
     spread = {key: mean_std(column) for key, column in values.items()}
     completed = [row["outcome"] == "completed" for row in summaries]
@@ -123,7 +124,24 @@ def statistics_of(summaries: Sequence[Summary]) -> Summary:
             for fall in falls
         ],
         "median_el": median_duration(falls),
+        "left_out": left_out,
     }
+
+
+_NOTHING: Summary = {
+    "mean": dict.fromkeys(("mr", "el", "sr")),
+    "std": dict.fromkeys(("mr", "el", "sr")),
+    "interval": dict.fromkeys(("mr", "el", "sr"), (None, None)),
+    "outcomes": {},
+    "censored": 0,
+    "survival": [],
+    "median_el": None,
+}
+
+
+def counted(summaries: Iterable[Summary]) -> list[Summary]:
+    """Return the trials that count in means: those whose timing was kept, unless all were asked for."""
+    return [row for row in summaries if row.get("counted", True)]
 
 
 def columns_of(summaries: Sequence[Summary]) -> dict[str, list[float]]:
@@ -136,6 +154,14 @@ def columns_of(summaries: Sequence[Summary]) -> dict[str, list[float]]:
     if all(row["ar"] is not None for row in summaries):
         columns["ar"] = [row["ar"] for row in summaries]
     return columns
+
+
+def timing_words(row: Summary) -> str:
+    """Say of a trial how its timing was not kept."""
+    return (
+        f"its timing was not kept: {row['missed_deadlines']} slots missed in {row['el']} steps, "
+        f"{row['stale']:.0%} of its ticks stale"
+    )
 
 
 def by_method(summaries: Iterable[Summary]) -> dict[tuple[str | None, str | None], list[Summary]]:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rich import box
 from rich.console import Group
-from rich.table import Table
 from rich.text import Text
 
+from adatracker_deploy.trial.fitting import FittingTable
 from adatracker_deploy.trial.summary import by_method, statistics_of
 
 if TYPE_CHECKING:
@@ -24,49 +23,59 @@ def summary_table(summaries: Sequence[Summary]) -> RenderableType:
 
     Under each of those stand the 95 % intervals, how the trials ended, and how EL falls off.
     """
-    trials = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for column in ("#", "outcome", "MR", "MR seen", "seen", "EL", "s", "AR", "Hz", "p99 ms", "missed"):
-        trials.add_column(column, justify="left" if column == "outcome" else "right", no_wrap=True)
-    for number, row in enumerate(summaries, start=1):
-        trials.add_row(
-            str(number),
-            row["outcome"],
-            number_text(row["mr"], 2),
-            number_text(row["mr_visible"], 2),
-            f"{row['visibility']:.0%}",
-            f"{row['el']}/{row['steps']}",
-            number_text(row.get("seconds"), 1),
-            number_text(row["ar"], 0),
-            number_text(row.get("rate_hz"), 1),
-            number_text(row.get("latency_ms", {}).get("p99"), 1),
-            number_text(row.get("missed_deadlines"), 0),
-        )
-    paper = Table(
-        box=box.SIMPLE_HEAD,
-        caption="mean ± std over trials; in brackets 95 % intervals: Student's t, for SR Wilson's",
-        caption_justify="left",
+    trials = FittingTable(
+        names=("#", "outcome", "MR", "MR seen", "seen", "stale", "EL", "s", "AR", "Hz", "p99 ms", "missed"),
+        rows=[_cells(number, row) for number, row in enumerate(summaries, start=1)],
+        expendable=("s", "AR", "MR seen", "p99 ms", "Hz", "missed", "stale", "seen"),
+        left=("outcome",),
     )
-    for column in ("platform", "policy", "trials", "MR", "EL", "SR"):
-        paper.add_column(column, justify="left" if column in ("platform", "policy") else "right")
     endings, methods = [], by_method(summaries)
+    paper: list[Sequence[str]] = []
     for (platform, policy), group in methods.items():
         found = statistics_of(group)
         mean, std, interval = found["mean"], found["std"], found["interval"]
-        paper.add_row(
-            platform or "-",
-            policy or "-",
-            str(len(group)),
-            plus_minus(mean["mr"], std["mr"], 2),
-            plus_minus(mean["el"], std["el"], 0),
-            number_text(mean["sr"], 2),
-        )
-        paper.add_row(
-            "", "", "", *(bounds_text(interval[key], 0 if key == "el" else 2) for key in ("mr", "el", "sr"))
-        )
+        paper += [
+            (
+                platform or "-",
+                policy or "-",
+                str(len(group) - found["left_out"]),
+                plus_minus(mean["mr"], std["mr"], 2),
+                plus_minus(mean["el"], std["el"], 0),
+                number_text(mean["sr"], 2),
+            ),
+            (
+                *("", "", ""),
+                *(bounds_text(interval[key], 0 if key == "el" else 2) for key in ("mr", "el", "sr")),
+            ),
+        ]
         name = f"{platform or '-'}, {policy or '-'}: " if len(methods) > 1 else ""
         endings.append(Text(f"  {name}{ending_text(found, len(group))}"))
     logs = [Text(f"  {number:3d}  {row['trial']}") for number, row in enumerate(summaries, start=1)]
-    return Group(trials, *logs, paper, *endings)
+    means = FittingTable(
+        names=("platform", "policy", "trials", "MR", "EL", "SR"),
+        rows=paper,
+        expendable=("trials",),
+        left=("platform", "policy"),
+    )
+    key = Text("  mean ± std over trials; in brackets 95 % intervals: Student's t, for SR Wilson's")
+    return Group(trials, *logs, means, key, *endings)
+
+
+def _cells(number: int, row: Summary) -> tuple[str, ...]:
+    return (
+        str(number),
+        row["outcome"] if row.get("timing_kept", True) else f"{row['outcome']}, late",
+        number_text(row["mr"], 2),
+        number_text(row["mr_visible"], 2),
+        f"{row['visibility']:.0%}",
+        f"{row.get('stale', 0.0):.0%}",
+        f"{row['el']}/{row['steps']}",
+        number_text(row.get("seconds"), 1),
+        number_text(row["ar"], 0),
+        number_text(row.get("rate_hz"), 1),
+        number_text(row.get("latency_ms", {}).get("p99"), 1),
+        number_text(row.get("missed_deadlines"), 0),
+    )
 
 
 def ending_text(statistics: Summary, count: int) -> str:
@@ -74,7 +83,11 @@ def ending_text(statistics: Summary, count: int) -> str:
     ends = ", ".join(f"{number} {outcome}" for outcome, number in statistics["outcomes"].items())
     falls = [f"{fall['survival']:.2f} from {fall['el']}" for fall in statistics["survival"]]
     survival = f"; survival 1.00, {', '.join(falls)}" if falls else ""
-    return f"{ends}; {statistics['censored']} of {count} at the horizon{survival}"
+    left_out = statistics["left_out"]
+    late = f"; {left_out} left out, whose timing was not kept" if left_out else ""
+    if count == left_out:
+        return f"no trial kept its timing: there are no means{late}"
+    return f"{ends}; {statistics['censored']} of {count - left_out} at the horizon{survival}{late}"
 
 
 def number_text(value: float | None, digits: int) -> str:
@@ -82,9 +95,11 @@ def number_text(value: float | None, digits: int) -> str:
     return "-" if value is None else f"{value:z.{digits}f}"
 
 
-def plus_minus(mean: float, std: float | None, digits: int) -> str:
+def plus_minus(mean: float | None, std: float | None, digits: int) -> str:
     """Return mean ± std, of a single trial the mean alone."""
-    return number_text(mean, digits) if std is None else f"{mean:z.{digits}f} ± {std:.{digits}f}"
+    return (
+        number_text(mean, digits) if mean is None or std is None else f"{mean:z.{digits}f} ± {std:.{digits}f}"
+    )
 
 
 def bounds_text(bounds: Sequence[float | None], digits: int) -> str:

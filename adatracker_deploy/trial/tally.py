@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
 Summary = dict[str, Any]
 """Keys are a contract: more may be added, none is renamed. Lengths in m, times in s unless a key says ms."""
+TIMING_TOLERANCE = 0.1
+"""The largest share of the loop's slots that may go by unused, missed or stale, in a trial whose timing was
+kept: the rate at which it acted is then within this of the policy's."""
 
 
 class Tally:
@@ -32,6 +35,7 @@ class Tally:
         self._last_step, self._last_ns = 0, 0
         self._missed_deadlines = 0
         self._ticks = 0
+        self._stale, self._stale_at_the_end = 0, 0
         for step in steps:
             self.add(step)
 
@@ -46,6 +50,8 @@ class Tally:
         self._latencies.add(step.latency)
         self._last_step, self._last_ns = step.step, step.t_ns
         self._missed_deadlines = step.missed_deadlines
+        self._stale += step.stale
+        self._stale_at_the_end = self._stale_at_the_end + 1 if step.stale else 0
 
     def summary(
         self,
@@ -69,6 +75,9 @@ class Tally:
             stop_s: from the stop to standstill; None where the robot was not moving.
             trial: its folder.
 
+        `stale` is the share of ticks whose newest frame was too old to act on. `timing_kept` is false where
+        more than `TIMING_TOLERANCE` of the slots were missed or stale: such a trial says little of the
+        policy, and is not `counted` in means (`score --all` counts it).
         Where the rules end the trial sooner than it ended, it was lost.
         """
         score = self._scorer.score()
@@ -77,6 +86,7 @@ class Tally:
             outcome, reason = "lost", f"scored so: the target was not seen for {lost_steps} steps"
         seconds = (self._last_ns - self._first_ns) / 1e9
         found = self._latencies.found()
+        kept = self._timing_kept()
         return {
             "platform": platform,
             "policy": policy,
@@ -97,4 +107,13 @@ class Tally:
             "reason": reason,
             "trial": str(trial),
             "bad_boxes": score.bad_boxes,
+            "stale": score.stale / score.ticks if score.ticks else 0.0,
+            "timing_kept": kept,
+            "counted": kept,
         }
+
+    def _timing_kept(self) -> bool:
+        """Tell whether the trial acted at the policy's rate; the stale ticks of its end do not count."""
+        slots = self._last_step - self._first_step + 1 + self._missed_deadlines
+        unused = self._missed_deadlines + self._stale - self._stale_at_the_end
+        return unused <= TIMING_TOLERANCE * slots

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import threading
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 import zenoh
 
+from adatracker_deploy.stamps import StampOrder
 from adatracker_quadruped.keys import Keys
 from adatracker_quadruped.messages import Malformed, decode_battery, decode_imu, decode_odometry
 from adatracker_quadruped.protocol import SMALL_CAP_BYTES
@@ -27,6 +28,8 @@ class _Stamped(Protocol):
 
 S = TypeVar("S", bound=_Stamped)
 
+UNSETTLED_S = 1.0
+"""Machine time after the driver has begun again during which its odometry is not trusted."""
 _MOST_TOKENS = 64
 """A stranger who invents tokens must not fill the memory."""
 
@@ -38,10 +41,11 @@ class Watch:
         keys = Keys(connection)
         self._connection = connection
         self._clock = clock
-        self.odometry = Tap(session, keys.odometry, fresh(decode_odometry), clock, SMALL_CAP_BYTES)
+        self._driver = Fresh(decode_odometry, clock)
+        self.odometry = Tap(session, keys.odometry, self._driver, clock, SMALL_CAP_BYTES)
         self.imu = self.battery = self._tokens = None
         if keys.imu:
-            self.imu = Tap(session, keys.imu, fresh(decode_imu), clock, SMALL_CAP_BYTES)
+            self.imu = Tap(session, keys.imu, Fresh(decode_imu, clock), clock, SMALL_CAP_BYTES)
         if keys.battery:
             self.battery = Tap(session, keys.battery, decode_battery, clock, SMALL_CAP_BYTES)
         if connection.robot_liveliness:
@@ -61,6 +65,8 @@ class Watch:
         """Say why the robot must not be walked any further; empty while it may."""
         if self._tokens is not None and not self._tokens.alive():
             return f"the robot is gone: no liveliness token {self._connection.robot_liveliness}"
+        if self._driver.restarted_s() < UNSETTLED_S:
+            return "the odometry's time stamps went back: its driver was restarted, or there are two of it"
         if (age_s := self.odometry_age_s()) > self._connection.odometry_timeout_s:
             return f"no odometry for {age_s:.2f} s: the robot or the link to it is down"
         return ""
@@ -93,19 +99,36 @@ class _Tokens:
             return bool(self._present)
 
 
-def fresh(decode: Callable[[bytes], S]) -> Callable[[bytes], S]:
-    """Refuse a message with the stamp of the one before: a driver that repeats itself measures nothing.
+class Fresh(Generic[S]):
+    """Decodes what is newer than all before it: a driver that repeats itself measures nothing.
 
-    A stamp of zero means that the sender gives none; its messages are all taken.
+    Args:
+        decode: returns the message in a payload, or raises ValueError.
+        clock: the run's.
     """
-    last_ns = 0
 
-    def decode_new(payload: bytes) -> S:
-        nonlocal last_ns
-        message = decode(payload)
-        if message.stamp_ns == last_ns != 0:
-            raise Malformed(f"the stamp {last_ns} came before")
-        last_ns = message.stamp_ns
-        return message
+    def __init__(self, decode: Callable[[bytes], S], clock: Clock) -> None:
+        self._decode = decode
+        self._clock = clock
+        self._order = StampOrder()
+        self._restarted_ns: int | None = None
 
-    return decode_new
+    def __call__(self, payload: bytes) -> S:
+        """Return the message in a payload.
+
+        Raises:
+            Malformed: it is none, or its stamp is not newer than the newest.
+        """
+        message = self._decode(payload)
+        restarts = self._order.restarts
+        if self._order.is_new(message.stamp_ns):
+            return message
+        if self._order.restarts > restarts:
+            self._restarted_ns = self._clock.now_ns()
+        raise Malformed(f"the stamp {message.stamp_ns} is not new")
+
+    def restarted_s(self) -> float:
+        """Return the machine's seconds since the stamps last went back; infinite if they never did."""
+        if self._restarted_ns is None:
+            return math.inf
+        return (self._clock.now_ns() - self._restarted_ns) / 1e9 / self._clock.speed

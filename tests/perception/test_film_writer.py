@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+
 import numpy as np
 import pytest
 
@@ -104,3 +106,32 @@ def test_what_cannot_be_written_is_refused_before_anything_starts(tmp_path, name
         check_film_path(tmp_path / name)
     check_film_path(tmp_path / "OUT.MP4")
     assert not (tmp_path / "OUT.MP4").exists()
+
+
+def test_a_film_is_of_a_codec_and_profile_that_browsers_play(tmp_path):
+    """VP9, profile 0: 8 bits, 4:2:0 (the box `vpcC` of the VP Codec ISO Media File Format Binding, v1.0)."""
+    path = tmp_path / "out.mp4"
+    writer = FilmWriter(path, 10.0)
+    for number in range(5):
+        writer.write(grey(40 * number), number * SECOND_NS // 10)
+    writer.close()
+    data = path.read_bytes()
+    assert data[4:8] == b"ftyp"
+    assert b"mp4v" not in data
+    assert b"vp09" in data
+    version, profile, _, depth_and_chroma = struct.unpack_from(">B3xBBB", data, data.index(b"vpcC") + 4)
+    assert (version, profile) == (1, 0)
+    assert (depth_and_chroma >> 4, (depth_and_chroma >> 1) & 7 <= 1) == (8, True)
+    assert levels(path)[0] == [0, 2, 4, 6, 8]
+
+
+def test_a_film_that_is_interrupted_before_its_first_picture_leaves_nothing(tmp_path, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    writer = FilmWriter(tmp_path / "out.mp4", 10.0)
+    monkeypatch.setattr(FilmWriter, "_put", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        writer.write(grey(1), 0)
+    writer.close()
+    assert not list(tmp_path.iterdir())

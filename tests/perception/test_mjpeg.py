@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import random
 import resource
 import threading
@@ -19,7 +20,7 @@ from adatracker_deploy.perception import live, mjpeg
 from adatracker_deploy.perception.jpeg import decode_jpeg
 from adatracker_deploy.perception.mjpeg import MjpegCamera, decode_part
 from adatracker_deploy.perception.mjpeg_server import MjpegServer
-from adatracker_deploy.perception.multipart import LARGEST_BODY_BYTES, MultipartParser
+from adatracker_deploy.perception.multipart import LARGEST_BODY_BYTES, MultipartParser, Part
 from adatracker_deploy.perception.truth_wire import encode_truth
 from adatracker_deploy.runtime.clock import MonotonicClock
 
@@ -92,6 +93,39 @@ def test_what_is_no_rehearsal_may_number_its_pictures_as_it_likes(server, opened
     camera = opened(server.url)
     server.publish(Frame(picture(1), 0, 50))
     until(lambda: newest(camera).seq == 2)
+
+
+@pytest.mark.parametrize(
+    ("text", "stamp_ns"),
+    [
+        ("1732291200.000001", 1_732_291_200_000_001_000),  # ROS web_video_server
+        ("12.000345", 12_000_345_000),  # ESP32, since it was switched on
+        ("7", 7_000_000_000),
+        ("0.000000", 0),
+        *((text, 0) for text in ("", "-1.0", "nan", "1e400", "1.", "9" * 400, "1.0 x", "12:30", "\u0661")),
+    ],
+)
+def test_a_time_stamp_is_read_or_is_none(text, stamp_ns):
+    assert decode_part(Part({"x-timestamp": text}, jpeg(picture())), 5).stamp_ns == stamp_ns
+
+
+@pytest.mark.parametrize("speed", [0.5, 3.0])
+def test_at_any_speed_a_rehearsals_pictures_are_no_older_than_they_are(server, speed):
+    clock = MonotonicClock(speed)
+    server.publish(Frame(picture(0), clock.now_ns(), 1, TRUTH))
+    camera = MjpegCamera(server.url, clock)
+    with contextlib.closing(camera):
+        camera.open()
+        for seq in range(2, 30):
+            server.publish(Frame(picture(seq), clock.now_ns(), seq, TRUTH))
+            seen = until(lambda seq=seq: (frame := camera.read(clock.now_ns())).seq == seq and frame)
+        assert (clock.now_ns() - seen.t_ns) / 1e9 / speed < 0.2
+        assert not camera.hides_delay
+
+
+def test_a_camera_that_does_not_say_when_its_pictures_were_taken_is_known_to_hide_delay(opened):
+    with saying(STREAM, ONE_PART, ONE_PART) as port:
+        assert opened(address(port)).hides_delay
 
 
 def test_frames_are_numbered_by_the_camera_and_never_from_the_future(server, opened):

@@ -206,3 +206,52 @@ def test_rubbish_requests_change_nothing(server):
     server.publish(frame(1))
     with watching(server) as next_part:
         assert next_part().body
+
+
+def asked(server, method="GET", path="/", **headers):
+    """Return the status of a request with these headers."""
+    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=10)
+    with contextlib.closing(connection):
+        connection.putrequest(method, path, skip_host=True)
+        for name, value in headers.items():
+            connection.putheader(name, value)
+        connection.endheaders()
+        return connection.getresponse().status
+
+
+@pytest.mark.parametrize(
+    "host", ["127.0.0.1", "127.0.0.1:9", "localhost:8080", "LOCALHOST", "[::1]:80", "[::1]", None]
+)
+def test_who_asks_for_this_machine_sees_it(server, host):
+    server.publish(frame(1))
+    assert asked(server, **({} if host is None else {"Host": host})) == 200
+
+
+@pytest.mark.parametrize(
+    "host",
+    ["evil.example", "evil.example:80", "127.0.0.1.evil.example", "localhost.evil.example:8", "", "10.0.0.1"],
+)
+@pytest.mark.parametrize(("method", "path"), [("GET", "/"), ("GET", "/stream.mjpg"), ("POST", "/go")])
+def test_a_page_whose_name_leads_to_this_machine_sees_nothing(server, host, method, path):
+    went = []
+    server.on_go(lambda: went.append(1))
+    server.publish(frame(1))
+    assert asked(server, method, path, Host=host) == 403
+    assert not went
+
+
+@pytest.mark.parametrize(
+    ("origin", "status"),
+    [
+        ("https://evil.example", 403),
+        ("null", 403),
+        ("", 403),
+        ("http://127.0.0.1:8080", 204),
+        ("http://localhost", 204),
+    ],
+)
+def test_a_page_from_elsewhere_lets_nobody_walk(server, origin, status):
+    went = []
+    server.on_go(lambda: went.append(1))
+    assert asked(server, "POST", "/go", Host="127.0.0.1", Origin=origin) == status
+    assert bool(went) is (status == 204)

@@ -24,7 +24,7 @@ def frame(t_s, seed=0, **changes):
 
 def show(watch, *frames):
     for each in frames:
-        watch.accept(each)
+        watch.accept(each, each.t_ns)
 
 
 def test_a_camera_that_has_given_nothing_yet_is_not_judged():
@@ -34,7 +34,7 @@ def test_a_camera_that_has_given_nothing_yet_is_not_judged():
 @given(st.floats(0.1, 20))
 def test_silence_is_measured_in_machine_time_at_any_speed_of_the_clock(speed):
     watch = FrameWatch("eye", speed)
-    watch.accept(frame(5.0))
+    watch.accept(frame(5.0), 5 * 10**9)
     watch.refuse_dead(round((5.0 + 0.99 * SILENT_AFTER_S * speed) * 1e9))
     with pytest.raises(PlatformError, match=r"camera eye: no picture has come for 2\.0 s"):
         watch.refuse_dead(round((5.0 + 1.01 * SILENT_AFTER_S * speed) * 1e9))
@@ -52,9 +52,9 @@ def test_the_very_same_picture_for_almost_two_seconds_is_a_frozen_camera():
 def test_a_picture_that_repeats_the_last_one_shows_nothing_new():
     watch = FrameWatch("eye")
     pictures = [frame(t_s / 10, seed) for t_s, seed in enumerate((1, 1, 2, 2, 1, 1))]
-    assert [watch.accept(each) for each in pictures] == [True, False, True, False, True, False]
-    assert all(FrameWatch("eye").accept(frame(1.0, truth=truth)) for truth in (TRUTH, None))
-    assert watch.accept(frame(2.0, 1, truth=TRUTH))
+    assert [watch.accept(each, each.t_ns) for each in pictures] == [True, False, True, False, True, False]
+    assert all(FrameWatch("eye").accept(frame(1.0, truth=truth), 10**9) for truth in (TRUTH, None))
+    assert watch.accept(frame(2.0, 1, truth=TRUTH), 2 * 10**9)
 
 
 def test_one_changed_pixel_shows_that_the_camera_lives():
@@ -73,6 +73,16 @@ def test_a_rehearsal_may_stand_still():
 
 def test_a_picture_of_another_size_ends_the_camera():
     watch = FrameWatch("eye")
-    watch.accept(frame(1.0))
+    watch.accept(frame(1.0), 10**9)
     with pytest.raises(PlatformError, match="size changed from 64x48 to 80x60 px"):
-        watch.accept(frame(1.1, rgb=picture(size=(60, 80))))
+        watch.accept(frame(1.1, rgb=picture(size=(60, 80))), 11 * 10**8)
+
+
+@given(st.floats(0.1, 20))
+def test_a_picture_that_is_long_past_ends_the_camera_however_newly_it_came(speed):
+    watch = FrameWatch("eye", speed)
+    watch.accept(frame(5.0 - 1.9 * speed), 5 * 10**9)
+    watch.refuse_dead(5 * 10**9)
+    watch.accept(frame(6.0 - 2.1 * speed, 1), 6 * 10**9)
+    with pytest.raises(PlatformError, match=r"camera eye: by its time stamps its pictures come 2\.1 s late"):
+        watch.refuse_dead(6 * 10**9)

@@ -103,7 +103,7 @@ class Robot:
     def shoot(self, **how):
         self.shots += 1
         data = how.pop("data", None) or png(self.shots % 256)
-        self.put(message(data, **{"stamp_ns": self.shots, **how}))
+        self.put(message(data, **{"stamp_ns": time.time_ns(), **how}))
 
     def put(self, payload):
         self._publisher.put(payload)
@@ -122,14 +122,24 @@ def robot(port):
         robot.session.close()
 
 
-@pytest.fixture
-def camera(robot, port):
+def seeing(robot, port, **how):
     camera = open_source(f"zenoh://127.0.0.1:{port}/{KEY}", CLOCK)
     opening = threading.Thread(target=camera.open)
     opening.start()
-    until(lambda: robot.shoot() or not opening.is_alive())
-    yield camera
-    camera.close()
+    until(lambda: robot.shoot(**how) or not opening.is_alive())
+    return contextlib.closing(camera)
+
+
+@pytest.fixture
+def camera(robot, port):
+    with seeing(robot, port) as camera:
+        yield camera
+
+
+@pytest.fixture
+def unstamped(robot, port):
+    with seeing(robot, port, stamp_ns=0) as camera:
+        yield camera
 
 
 def newest(camera):
@@ -153,23 +163,39 @@ def test_a_jpeg_is_kept_as_it_came(camera, robot):
 
 def test_rubbish_and_repeated_stamps_are_dropped_and_counted(camera, robot):
     until(lambda: newest(camera).rgb[0, 0, 0] == robot.shots % 256)
+    last_ns = time.time_ns()
+    robot.shoot(stamp_ns=last_ns)
+    until(lambda: newest(camera).rgb[0, 0, 0] == robot.shots % 256)
     seen = newest(camera).seq
     for count, put in enumerate(
         (
             lambda: robot.put(b"rubbish"),
-            lambda: robot.put(message(b"no image", stamp_ns=10**9)),
-            lambda: robot.put(message(png(3), stamp_ns=10**9)),  # its stamp came before
+            lambda: robot.put(message(b"no image", stamp_ns=time.time_ns())),
+            lambda: robot.put(message(png(3), stamp_ns=last_ns)),  # its stamp came before
+            lambda: robot.put(message(png(4), stamp_ns=last_ns - 1)),  # and this is older
+            lambda: robot.put(message(png(5), stamp_ns=last_ns - 2)),
         ),
         start=1,
     ):
         put()
         until(lambda count=count: camera.dropped == count)
     assert newest(camera).seq == seen
-    robot.shoot(stamp_ns=10**10)
+    robot.shoot()
     until(lambda: newest(camera).seq == seen + 1)
+    assert not camera.hides_delay
 
 
-def test_images_without_a_stamp_are_all_taken(camera, robot):
+@pytest.mark.parametrize("back_s", [0.01, 1e9])
+def test_a_sender_whose_stamps_go_back_ends_the_camera_and_is_not_waited_for(camera, robot, back_s):
+    """Its clock was set back, or it was started again and counts from when it was."""
+    began_ns = time.time_ns() - round(back_s * 1e9)
+    error = until(lambda: robot.shoot(stamp_ns=began_ns + robot.shots) or ended(camera))
+    assert "its time stamps went back: it was restarted, or its clock was set" in error
+
+
+def test_images_without_a_stamp_are_all_taken(unstamped, robot):
+    camera = unstamped
+    assert camera.hides_delay
     seen = newest(camera).seq
     robot.shoot(stamp_ns=0)
     until(lambda: newest(camera).seq > seen)
@@ -181,16 +207,17 @@ def test_images_without_a_stamp_are_all_taken(camera, robot):
 def test_a_robot_that_goes_is_gone_at_once(camera, robot):
     robot.session.close()
     began_s = time.monotonic()
-    until(lambda: raises(camera))
+    assert "nobody answers at tcp/127" in until(lambda: ended(camera))
     assert time.monotonic() - began_s < 1.5
 
 
-def raises(camera):
+def ended(camera):
+    """Return what ended it; empty while it goes on."""
     try:
         newest(camera)
     except PlatformError as error:
-        return "nobody answers at tcp/127" in str(error)
-    return False
+        return str(error)
+    return ""
 
 
 def test_a_topic_without_images_is_said_in_five_seconds(robot, port):

@@ -33,6 +33,30 @@ def external_in_a_branch(model):
     )
 
 
+def endless_loop(model):
+    """A Loop without a trip count, whose condition stays true."""
+    true = helper.make_tensor("true", onnx.TensorProto.BOOL, [], [True])
+    body = helper.make_graph(
+        [helper.make_node("Constant", [], ["goes_on"], value=true)],
+        "body",
+        [
+            helper.make_tensor_value_info("turn", onnx.TensorProto.INT64, []),
+            helper.make_tensor_value_info("went_on", onnx.TensorProto.BOOL, []),
+        ],
+        [helper.make_tensor_value_info("goes_on", onnx.TensorProto.BOOL, [])],
+    )
+    model.graph.node.append(helper.make_node("Loop", ["", ""], [], body=body))
+
+
+def loop_in_a_branch(model):
+    endless_loop(model)
+    loop = model.graph.node.pop()
+    branches = [helper.make_graph([loop], name, [], []) for name in ("then", "else")]
+    model.graph.node.append(
+        helper.make_node("If", ["h"], [], then_branch=branches[0], else_branch=branches[1])
+    )
+
+
 def custom_operator(model):
     model.graph.node[0].domain = "com.example"
 
@@ -73,6 +97,8 @@ def one_input_more(model):
         (external, "keeps 'P' as external data; export it as one file"),
         (external_in_a_branch, "keeps 'hidden' as external data"),
         (custom_operator, "uses the custom operator com.example::Flatten"),
+        (endless_loop, "holds a loop (Loop), which may never end"),
+        (loop_in_a_branch, "holds a loop (Loop), which may never end"),
         (function, "holds functions of its own (twice); export it inlined"),
         (another_opset, "uses opset [17], but the manifest says 18"),
         (another_shape, "outputs: expected action [1, 2] float32, h_next"),

@@ -11,9 +11,11 @@ import pytest
 
 from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.geometry import Pose
+from adatracker_deploy.perception.zenoh_session import dial
 from adatracker_deploy.platform import ZERO, Twist
 from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_quadruped.connection import Connection
+from adatracker_quadruped.keys import Keys
 from adatracker_quadruped.messages import Odometry, encode_odometry
 from adatracker_quadruped.outlet import Outlet
 from adatracker_quadruped.platform import QuadrupedPlatform
@@ -273,4 +275,23 @@ def test_a_robot_that_tells_nothing_new_is_stopped(fault):
         assert took_s < 0.3 + 0.2  # the odometry's time-out, and the word's way to the robot
         goes_wrong(profile, Fault.NONE)
         stays_stopped(platform, "no odometry")
+        walks_again(platform)
+
+
+def test_a_robot_whose_odometry_begins_again_is_stopped_at_once_and_not_for_want_of_it():
+    """Its driver's clock is set back by ten seconds, or the driver is started anew."""
+    with far_end() as (_, profile), connected(profile) as platform:
+        platform.engage()
+        send_for(platform, WALK, 0.5)
+        connection = profile.connection
+        with dial(connection.endpoint) as session:
+            keys = Keys(connection)
+            before = Outlet(session, keys.odometry, attaches=keys.attaches)
+            ahead_ns = time.time_ns() + 10 * 10**9
+            pose, velocity = platform.state().pose, platform.state().velocity
+            before.put(encode_odometry(Odometry(pose, velocity, ahead_ns)), ahead_ns)
+            took_s = walks_until_it_fails(platform, "time stamps went back")
+        print(f"odometry begun again: latched after {took_s * 1e3:.0f} ms")
+        assert took_s < 0.3
+        stays_stopped(platform, "time stamps went back")
         walks_again(platform)

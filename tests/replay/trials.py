@@ -13,6 +13,7 @@ from adatracker_deploy.messages import Box, Observation
 from adatracker_deploy.platform import ZERO
 from adatracker_deploy.policy.base import to_twist
 from adatracker_deploy.trial.record import Latency
+from adatracker_deploy.trial.step_json import STEP_FORMAT
 from adatracker_deploy.trial.trial_file import TrialFile
 from tests.trial.records import START_NS, a_step
 
@@ -64,7 +65,12 @@ def logged(
         "seed": SEED,
         "speed": 1.0,
     }
-    trial = {"step_format": "1", "platform": "wheeled", "kind": "real", "policy": policy.info.name}
+    trial = {
+        "step_format": str(STEP_FORMAT),
+        "platform": "wheeled",
+        "kind": "real",
+        "policy": policy.info.name,
+    }
     metadata = {
         "trial": trial | {"steps": str(len(seen) - 1)} | (about or {}),
         "config": {"yaml": yaml.safe_dump(said if config is None else config)},

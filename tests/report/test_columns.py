@@ -35,11 +35,17 @@ def test_a_command_is_withheld_by_any_reason_but_the_limits_and_without_an_actio
         a_step(1, gate=("envelope", "acceleration")),
         a_step(2, gate=("stale",)),
         a_step(3, gate=("a reason to come",)),
-        a_step(4, gate=(), action=()),
+        a_step(4, gate=(), stale=True, box=None, action=()),
     ]
     cols = columns(steps)
     assert cols.stopped.tolist() == [False, False, True, True, True]
     assert cols.limited.tolist() == [False, True, False, False, False]
+
+
+def test_a_stale_tick_is_neither_seen_nor_lost_and_has_no_r():
+    cols = columns([a_step(0), a_step(1, stale=True, box=None, action=()), a_step(2, box=None)])
+    assert cols.lost.tolist() == [False, False, True]
+    assert cols.reward == pytest.approx([1.0, math.nan, 0.0], nan_ok=True)
 
 
 def test_what_is_not_known_or_infinite_is_nan():

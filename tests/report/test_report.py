@@ -6,6 +6,7 @@ import base64
 import dataclasses
 import json
 import re
+import shutil
 
 import cv2
 import numpy as np
@@ -16,7 +17,7 @@ from adatracker_deploy.report.gather import gather, key_steps, moments
 from adatracker_deploy.report.set_page import set_page
 from adatracker_deploy.report.trial_page import trial_page
 from tests.report.pages import HOSTILE, Page, a_hostile_trial, a_varied_trial, write_trial
-from tests.trial.records import a_step
+from tests.trial.records import REFERENCE, a_step
 
 
 def page_of(folder):
@@ -209,3 +210,37 @@ def test_without_a_single_trial_it_exits_with_2(tmp_path, capsys, monkeypatch, w
 def test_a_page_that_cannot_be_written_exits_with_2(varied, tmp_path, capsys):
     assert main(["report", str(varied), "--out", str(tmp_path / "no" / "page.html")]) == 2
     assert "--out" in capsys.readouterr().err
+
+
+def test_a_trial_whose_timing_was_not_kept_is_marked_and_left_out_of_a_sets_means(tmp_path, capsys):
+    steps = [a_step(number) for number in range(12)]
+    write_trial(tmp_path / "set" / "a", steps, summary={"outcome": "completed"})
+    late = [
+        a_step(number, box=None if number else REFERENCE, missed_deadlines=number) for number in range(12)
+    ]
+    folder = write_trial(tmp_path / "set" / "b", late, summary={"outcome": "completed"})
+    out = tmp_path / "page.html"
+
+    def page(*arguments):
+        assert main(["report", *map(str, arguments), "--out", str(out)]) == 0
+        return Page(out.read_text()).text
+
+    assert "timing not kept" in page(folder)
+    text = page(tmp_path / "set")
+    assert "Left out of all means, for their timing was not kept: number 2." in text
+    assert "n = 1" in text
+    assert "n = 2" in page(tmp_path / "set", "--all")
+    shutil.copytree(folder, tmp_path / "late" / "c")
+    shutil.copytree(folder, tmp_path / "late" / "d")
+    assert "number 1, 2." in page(tmp_path / "late")
+
+
+def test_a_page_shows_stale_stretches_as_what_they_are(tmp_path):
+    steps = [
+        a_step(n, **({"stale": True, "box": None, "action": ()} if 20 <= n < 26 else {})) for n in range(60)
+    ]
+    report = gather(write_trial(tmp_path / "t", steps, summary={"outcome": "completed"}))
+    text = Page(trial_page(report, moments(report.trial))).text
+    assert "The target was never lost." in text
+    assert "target lost" not in text
+    assert "10%of the ticks: frames too old to act on" in text

@@ -159,7 +159,9 @@ def test_what_the_robots_wire_has_to_tell_becomes_a_warning_in_every_phase():
 @pytest.mark.parametrize(
     ("says", "reason", "phase"),
     [
-        ({"pose": Pose(x=101.0)}, Reason.GEOFENCE, Phase.HOLDING),
+        ({"pose": Pose(x=50.0)}, Reason.POSITION_JUMPED, Phase.HOLDING),
+        ({"pose": None}, Reason.POSITION_LOST, Phase.HOLDING),
+        ({"battery": None}, Reason.BATTERY_LOST, Phase.HOLDING),
         ({"t_ns": 1}, Reason.STATE_LOST, Phase.HOLDING),
         ({"engaged": False}, Reason.NOT_ENGAGED, Phase.HOLDING),
         ({"battery": 0.05}, Reason.BATTERY, Phase.DONE),

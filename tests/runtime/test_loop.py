@@ -114,11 +114,12 @@ def test_the_fiftieth_lost_step_in_a_row_ends_it():
     assert rehearsal.records[-1].step == 59
 
 
-def test_a_stale_observation_is_not_acted_on_and_counts_as_lost():
+def test_a_stale_observation_is_not_acted_on_and_is_neither_seen_nor_lost():
     rehearsal = Rehearsal(at={10: {"age_s": STALE_OBSERVATION_S + 0.01}, 12: {"age_s": 0.02}})
     assert rehearsal.run().outcome == "completed"
     assert rehearsal.commands[9:13] == [Twist(1.0, yaw_rate=-0.5), ZERO, ZERO, Twist(1.0, yaw_rate=-0.5)]
     assert [record.box for record in rehearsal.records[9:13]] == [BOX, None, None, BOX]
+    assert [record.stale for record in rehearsal.records[9:13]] == [False, True, True, False]
     assert rehearsal.shares[9:13] == [pytest.approx(0.12), None, None, pytest.approx(0.12)]
     assert rehearsal.asked == STEPS + 1 - 2
     assert rehearsal.sight_ages_s[9:13] == pytest.approx([0.02, 0.23, 0.23, 0.02])  # which the gate is told
@@ -202,22 +203,85 @@ def test_whatever_stalls_there_is_no_burst_and_no_command_after_three_missed_slo
     assert ending.outcome == "safety_stop" if starved else ending.outcome in {"completed", "safety_stop"}
 
 
+def test_a_perception_that_is_always_late_ends_the_trial_for_that_and_not_for_a_target_that_was_not_seen():
+    rehearsal = Rehearsal(at={10: {"age_s": STALE_OBSERVATION_S + 0.1}})
+    ending = rehearsal.run()
+    assert ending.outcome == "safety_stop"
+    assert "perception is late" in ending.reason
+    assert "not seen" not in ending.reason
+    stale = [record.t_ns for record in rehearsal.records if record.stale]
+    assert (stale[-1] - stale[0]) / 1e9 <= BLIND_S
+
+
+def test_late_frames_now_and_then_neither_end_a_trial_nor_save_one_whose_target_is_lost():
+    late = {tick: {"age_s": 0.5 if tick % 2 else 0.02} for tick in range(10, 200)}
+    assert Rehearsal(at=late).run() == Ending("completed")
+    rehearsal = Rehearsal(at=late | {10: {"age_s": 0.02, "box": None}})
+    rehearsal.run()
+    assert rehearsal.records[-1].step == STEPS  # 45 fresh looks have found nobody: five more would end it
+    rehearsal = Rehearsal(
+        at={tick: change for tick, change in late.items() if tick < 31} | {10: {"box": None}}
+    )
+    assert rehearsal.run().outcome == "lost"
+
+
 class Wired(Rehearsal):
-    """Its link judges every set-point 5 ms after it came and sends it within 2 ms more."""
+    """Its link judges every set-point 5 ms after it came and sends half of it within 2 ms more."""
 
     def send(self, twist, now_ns, target_share=None, seen_ns=None):
         super().send(twist, now_ns, target_share, seen_ns)
         judged_ns = self.clock.now_ns() + 5_000_000
-        self.status_now = replace(FLYING, acted=Acted(now_ns, judged_ns, judged_ns + 2_000_000))
+        acted = Acted(now_ns, judged_ns, judged_ns + 2_000_000)
+        half = Twist(vx=twist.vx / 2, yaw_rate=twist.yaw_rate / 2)
+        self.status_now = replace(FLYING, sent=half, reasons=(f"tick {self.tick}",), acted=acted)
+
+    def act(self, observation):
+        super().act(observation)
+        return Action(np.array([self.tick / 1000, 0.0], np.float32))
 
 
-def test_each_step_says_where_its_time_went_and_how_the_command_before_it_reached_the_wire():
+def test_each_step_says_where_its_time_went_from_the_sensor_to_the_wire():
     rehearsal = Wired(stall_s=0.003)
     rehearsal.run()
-    first, second = (record.latency for record in rehearsal.records[:2])
-    ways = (first.capture_ms, first.perceive_ms, first.wait_ms, first.infer_ms)
+    latency = rehearsal.records[3].latency
+    ways = (latency.capture_ms, latency.perceive_ms, latency.wait_ms, latency.infer_ms)
     assert ways == pytest.approx((4.0, 9.0, 7.0, 3.0))
-    assert first.sensor_to_command_ms == pytest.approx(sum(ways))
-    assert (first.gate_ms, first.send_ms, first.sensor_to_wire_ms) == (None, None, None)
-    assert (second.gate_ms, second.send_ms) == pytest.approx((5.0, 2.0))
-    assert second.sensor_to_wire_ms == pytest.approx(first.sensor_to_command_ms + 7.0)
+    assert latency.sensor_to_command_ms == pytest.approx(sum(ways))
+    assert (latency.gate_ms, latency.send_ms) == pytest.approx((5.0, 2.0))
+    assert latency.sensor_to_wire_ms == pytest.approx(latency.sensor_to_command_ms + 7.0)
+
+
+def test_a_record_is_one_ticks_what_was_asked_and_what_was_sent_for_it():
+    rehearsal = Wired()
+    rehearsal.run()
+    assert [record.step for record in rehearsal.records] == list(range(STEPS + 1))
+    for record in rehearsal.records:
+        assert record.sent.vx == pytest.approx(record.command.vx / 2)
+        assert record.gate == (f"tick {record.step}",)
+
+
+def test_what_stopped_the_robot_stands_in_the_record_of_the_command_that_it_forestalled():
+    stop = replace(FLYING, phase=Phase.HOLDING, stopped="not_finite", reasons=("not_finite",))
+    rehearsal = Rehearsal(at={5: {"status_now": stop}})  # as the sixth tick's observation is taken
+    rehearsal.run()
+    assert [record.step for record in rehearsal.records] == [0, 1, 2, 3, 4, 5]
+    assert (rehearsal.records[-1].sent, rehearsal.records[-1].gate) == (ZERO, ("not_finite",))
+
+
+class FilmOver(Exception): ...
+
+
+def test_whatever_ends_the_loop_every_tick_that_was_driven_is_written():
+    rehearsal = Wired()
+    observe = rehearsal.observe
+
+    def until_the_film_is_over():
+        if rehearsal.tick == 7:
+            raise FilmOver
+        return observe()
+
+    rehearsal.observe = until_the_film_is_over
+    with pytest.raises(FilmOver):
+        rehearsal.run()
+    assert [record.step for record in rehearsal.records] == list(range(8))
+    assert rehearsal.records[-1].sent.vx == pytest.approx(rehearsal.records[-1].command.vx / 2)

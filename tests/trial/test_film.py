@@ -68,7 +68,8 @@ def test_what_is_drawn_is_what_the_log_says(tmp_path):
             {"target": "coasting", "box": None},
             {"confidence": 0.5},
             {"sent": Twist(vx=0.4, yaw_rate=0.5)},
-            {"action": ()},
+            {"stale": True, "box": None, "action": ()},
+            {"sent": None},
         )
     ]
     assert not any(np.array_equal(one, other) for one, other in itertools.combinations([usual, *others], 2))

@@ -8,7 +8,7 @@ import pytest
 
 from adatracker_deploy.cli import main
 from adatracker_deploy.errors import UsageError
-from adatracker_deploy.trial.filmstrip import GREEN, LOST, film_strip
+from adatracker_deploy.trial.filmstrip import GREEN, LOST, STALE, film_strip
 from adatracker_deploy.trial.reader import read_trial
 from tests.trial.records import a_frame, a_log, a_step, a_trial, an_observation
 
@@ -68,3 +68,9 @@ def test_a_wrong_request_exits_with_2(tmp_path, capsys, wrong):
     folder = a_trial(tmp_path, [a_step(0)])
     assert main(["filmstrip", str(folder), *wrong]) == 2
     assert wrong[0] in capsys.readouterr().err
+
+
+def test_a_stale_step_is_neither_drawn_as_lost_nor_as_seen(tmp_path):
+    steps = [a_step(step, stale=True, box=None, action=()) for step in range(10)]
+    strip = film_strip(read_trial(a_trial(tmp_path, [a_step(0), *steps[1:]])))
+    assert (shows(strip, STALE), shows(strip, LOST)) == (True, False)

@@ -138,3 +138,11 @@ def test_where_there_is_nothing_to_list_it_exits_with_2(tmp_path, capsys, monkey
     status, out, err = listed(capsys, *arguments)
     assert (status, out, err.count("\n")) == (2, "", 1)
     assert words in err
+
+
+def test_a_trial_whose_timing_was_not_kept_is_listed_as_late(tmp_path, capsys):
+    a_written_trial(tmp_path / "a", SUMMARY | {"timing_kept": False})
+    a_written_trial(tmp_path / "b", SUMMARY | {"timing_kept": True})
+    a_written_trial(tmp_path / "c")  # of a version that did not say it
+    _, out, _ = listed(capsys, tmp_path)
+    assert [line.count("lost, late") for line in out.splitlines()[1:4]] == [1, 0, 0]

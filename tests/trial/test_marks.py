@@ -94,7 +94,7 @@ def test_a_mark_moves_the_success_rate_and_what_is_compared(capsys, trial, recor
     found = json.loads(capsys.readouterr().out)
     assert found["differences"]["sr"]["mean"] == {"a": 1.0, "b": 0.0}
     assert main(["score", str(trial), "--csv", str(tmp_path / "t.csv")]) == 0
-    assert (tmp_path / "t.csv").read_text().splitlines()[1].endswith(",completed")
+    assert (tmp_path / "t.csv").read_text().splitlines()[1].endswith(",completed,0.0,True,True")
 
 
 def test_a_report_shows_what_was_said_as_text_whatever_it_is(capsys, trial, tmp_path):

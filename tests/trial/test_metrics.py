@@ -187,3 +187,23 @@ def test_r_is_one_only_for_the_reference_itself_and_the_same_both_ways(one, othe
     assert box_reward(one, one) == 1.0
     assert 0 < box_reward(one, other) <= 1
     assert box_reward(one, other) == box_reward(other, one)
+
+
+def test_stale_steps_are_no_measurement_neither_seen_nor_lost():
+    scorer = Scorer()
+    for step in (a_step(0), a_step(1, box=None), a_step(2, box=None, stale=True), a_step(3)):
+        scorer.add_step(step)
+    score = scorer.score()
+    assert (score.mr, score.visibility, score.stale, score.el) == (0.5, 0.5, 1, 3)
+
+
+def test_a_run_of_lost_steps_is_neither_ended_nor_lengthened_by_stale_ones():
+    scorer = Scorer(Rules(max_lost_steps=3))
+    for number, stale in enumerate((False, False, True, True, False)):
+        scorer.add_step(a_step(number, box=None, stale=stale))
+        assert scorer.lost == (number == 4)
+    only_stale = Scorer(Rules(max_lost_steps=3))
+    for number in range(9):
+        only_stale.add_step(a_step(number, box=None, stale=True))
+    assert not only_stale.lost
+    assert only_stale.score().mr == 0.0

@@ -151,10 +151,20 @@ def test_the_command_salvages_a_file_or_a_folder_and_score_works_on_it(whole, tm
     assert "steps" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("wrong", ["nowhere", ".", "finished.mcap"])
-def test_with_nothing_to_salvage_it_exits_with_2(tmp_path, capsys, monkeypatch, wrong):
+@pytest.mark.parametrize("path", [".", "finished.mcap"])
+def test_with_nothing_to_salvage_it_says_so_and_all_is_well(tmp_path, capsys, monkeypatch, path):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "finished.mcap").write_bytes(b"")
+    assert main(["salvage", path]) == 0
+    assert capsys.readouterr() == (f"{path}: nothing to salvage: no log here is unfinished\n", "")
+    assert main(["salvage", path, "--json"]) == 0
+    assert capsys.readouterr().out == '{"salvaged": []}\n'
+
+
+@pytest.mark.parametrize("wrong", ["nowhere", "notes.txt"])
+def test_what_is_no_log_cannot_be_salvaged(tmp_path, capsys, monkeypatch, wrong):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "notes.txt").write_bytes(b"")
     assert main(["salvage", wrong]) == 2
     assert capsys.readouterr().err.count("\n") == 1
 

@@ -303,3 +303,27 @@ def test_recorded_crowds_score_as_ten_independent_lines_say(capsys, target):
     assert (scored["el"], scored["rate_hz"], scored["seconds"]) == (end - 1, 7, (end - 1) / 7)
     assert scored["visibility"] == pytest.approx(seen[1:end].mean())
     assert scored["outcome"] == ("lost" if runs.any() else "completed")
+
+
+@pytest.fixture(scope="module")
+def with_a_late_one(tmp_path_factory):
+    """A trial that kept its timing, and one that missed a third of its slots."""
+    folder = tmp_path_factory.mktemp("late")
+    a_trial(folder / "a", [a_step(step) for step in range(11)])
+    a_trial(
+        folder / "b",
+        [a_step(step, box=None if step else a_step(0).box, missed_deadlines=step // 2) for step in range(11)],
+    )
+    return folder
+
+
+def test_a_trial_whose_timing_was_not_kept_is_said_and_left_out_unless_all_are_asked_for(
+    capsys, with_a_late_one, tmp_path
+):
+    status, out, err = score(capsys, with_a_late_one, "--json", "--latex", tmp_path / "t.tex")
+    assert (status, json.loads(out)["mean"]["mr"]) == (0, 1.0)
+    assert "5 slots missed in 10 steps, 0% of its ticks stale; left out of means: --all counts it" in err
+    assert "over 1 trials" in (tmp_path / "t.tex").read_text()
+    _, out, err = score(capsys, with_a_late_one, "--json", "--all")
+    assert json.loads(out)["mean"]["mr"] == 0.5
+    assert err.rstrip().endswith("counted")

@@ -66,7 +66,7 @@ def test_the_schema_describes_every_field():
 
 def test_the_schema_requires_what_is_always_there():
     required = set(json.loads(step_schema())["required"])
-    bare = a_step(0, box=None, pose=None, velocity=None, battery=None, state_age_s=math.inf)
+    bare = a_step(0, box=None, sent=None, pose=None, velocity=None, battery=None, state_age_s=math.inf)
     bare = dataclasses.replace(bare, distance_m=None, bearing_rad=None, target_visible=None)
     assert required == set(json.loads(step_to_json(bare)))
 

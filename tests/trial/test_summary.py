@@ -8,13 +8,16 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
+from adatracker_deploy.trial.compare import compare
+from adatracker_deploy.trial.compare_view import comparison_table
+from adatracker_deploy.trial.latex import real_world_table
 from adatracker_deploy.trial.record import Latency
 from adatracker_deploy.trial.stage_table import stage_table
 from adatracker_deploy.trial.stages import STAGES
 from adatracker_deploy.trial.summary import summarise_set
 from adatracker_deploy.trial.summary_table import summary_table
 from adatracker_deploy.trial.tally import Tally
-from tests.trial.records import TICK_NS, a_step
+from tests.trial.records import REFERENCE, TICK_NS, a_step
 
 CONTRACT = {
     "platform", "policy", "outcome", "mr", "mr_visible", "visibility", "el", "ar", "steps", "rate_hz",
@@ -142,3 +145,40 @@ def test_the_table_fits_a_terminal_and_hides_nothing():
     text = drawn([a_summary(trial=Path("trials/20260102-030405-006_drone_sitl"))])
     assert "…" not in text
     assert "20260102-030405-006_drone_sitl" in text
+
+
+def test_a_trial_whose_timing_was_not_kept_is_listed_and_left_out_of_means_unless_asked_for():
+    late = a_summary(
+        [a_step(step, box=None if step else REFERENCE, missed_deadlines=5) for step in range(11)]
+    )
+    assert not late["timing_kept"]
+    both = summarise_set([a_summary(), late])
+    assert len(both["trials"]) == 2
+    assert (both["mean"]["mr"], both["left_out"], both["outcomes"]) == (1.0, 1, {"completed": 1})
+    assert "completed, late" in drawn([a_summary(), late])
+    assert "1 left out, whose timing was not kept" in drawn([a_summary(), late])
+    assert "over 1 trials each" in real_world_table([a_summary(), late])
+    asked_for = summarise_set([a_summary(), late | {"counted": True}])
+    assert (asked_for["mean"]["mr"], asked_for["left_out"]) == (0.5, 0)
+
+
+def test_where_no_trial_kept_its_timing_there_are_no_means():
+    late = a_summary([a_step(step, missed_deadlines=5) for step in range(11)])
+    assert summarise_set([late, late])["mean"] == {"mr": None, "el": None, "sr": None}
+    assert "no trial kept its timing" in drawn([late])
+
+
+@pytest.mark.parametrize("width", [40, 60, 80])
+def test_no_width_cuts_a_number(width):
+    trials = [a_summary(), a_summary([a_step(step) for step in range(7)], outcome="safety_stop")]
+    comparison = compare(trials, trials)
+    for table in (summary_table(trials), stage_table(trials), comparison_table(comparison, trials, trials)):
+        console = Console(file=io.StringIO(), width=width)
+        console.print(table)
+        assert "…" not in console.file.getvalue()
+    console = Console(file=io.StringIO(), width=60)
+    console.print(summary_table(trials))
+    text = console.file.getvalue()
+    assert max(map(len, text.splitlines())) <= 60
+    assert "1.00" in next(line for line in text.splitlines() if "safety_stop" in line)
+    assert "not shown at this width:" in text

@@ -74,3 +74,32 @@ def test_an_hour_takes_no_more_memory_than_ten_minutes():
     finally:
         tracemalloc.stop()
     assert after - before < 500_000  # bytes; a tick as it was once kept had 146
+
+
+def timing(steps):
+    found = Tally(steps).summary(**ABOUT)
+    assert found["counted"] == found["timing_kept"]
+    return found["timing_kept"]
+
+
+def test_a_trial_keeps_its_timing_while_a_tenth_of_its_slots_go_by_unused_at_most():
+    def missed(number):
+        return [a_step(step, missed_deadlines=number * (step > 5)) for step in range(90)]
+
+    def stale(number):
+        return [a_step(step, stale=10 <= step < 10 + number) for step in range(100)]
+
+    assert timing(missed(10))
+    assert not timing(missed(11))
+    assert timing(stale(10))
+    assert not timing(stale(11))
+
+
+def test_a_camera_that_fell_silent_and_so_ended_the_trial_is_its_end_and_not_its_timing():
+    assert timing([a_step(step, stale=step >= 60) for step in range(100)])
+    assert not timing([a_step(step, stale=60 <= step < 99) for step in range(100)])
+
+
+def test_the_share_of_stale_ticks_is_said():
+    found = Tally([a_step(0), a_step(1), a_step(2, stale=True, box=None), a_step(3)]).summary(**ABOUT)
+    assert (found["stale"], found["visibility"], found["mr"]) == (0.25, 1.0, 1.0)

@@ -20,7 +20,7 @@ TRUTH = Truth(np.ones((8, 8), np.uint8), Pose(), Pose(), (3.0, 4.0), 5.0, 0.5, c
 
 
 def frame(seq):
-    return Frame(np.full((48, 64, 3), seq, np.uint8), seq, seq, TRUTH)
+    return Frame(np.full((48, 64, 3), seq, np.uint8), CLOCK.now_ns(), seq, TRUTH)
 
 
 @pytest.fixture

@@ -7,8 +7,8 @@ by an explicit engage, lets anything move again. ``docs/safety.md`` lists every 
 """
 
 from adatracker_deploy.runtime.gate.judge import judge
-from adatracker_deploy.runtime.gate.reasons import Reason
+from adatracker_deploy.runtime.gate.reasons import Kind, Reason
 from adatracker_deploy.runtime.gate.state import GateState, Setpoint, Stage, Stop, Verdict
 from adatracker_deploy.runtime.gate.watch import unwatched
 
-__all__ = ["GateState", "Reason", "Setpoint", "Stage", "Stop", "Verdict", "judge", "unwatched"]
+__all__ = ["GateState", "Kind", "Reason", "Setpoint", "Stage", "Stop", "Verdict", "judge", "unwatched"]

@@ -12,6 +12,7 @@ from adatracker_deploy.runtime.gate.envelope import too_close
 from adatracker_deploy.runtime.gate.move import move
 from adatracker_deploy.runtime.gate.reasons import Reason
 from adatracker_deploy.runtime.gate.state import GateState, Setpoint, Stage, Stop, Verdict
+from adatracker_deploy.runtime.gate.track import follow
 from adatracker_deploy.runtime.gate.watch import command_stops, stops, warnings
 
 LONGEST_STEP_S = 0.1
@@ -41,8 +42,8 @@ def judge(
         age_s = math.inf
     silence_s = max(age_s, pause_s)  # a gate that did not judge let nothing pass, however fresh it is now
     warned = warnings(limits, robot)
-    start = state.start or robot.pose
-    state = replace(state, last_ns=now_ns, start=start, close=too_close(limits, state, setpoint.target_share))
+    state = _heard(limits, state, robot, now_ns)
+    state = replace(state, close=too_close(limits, state, setpoint.target_share))
     stop = state.stop or next(
         chain(stops(limits, state, robot, now_ns), command_stops(limits, setpoint, silence_s)), None
     )
@@ -61,10 +62,25 @@ def judge(
     return state, Verdict(state.last, Stage.OBEY, reasons, warned)
 
 
+def _heard(limits: Limits, state: GateState, robot: PlatformState, now_ns: int) -> GateState:
+    """Remember what the robot said: what it told once is missed when it is not told any more."""
+    return replace(
+        state,
+        last_ns=now_ns,
+        start=state.start or robot.pose,
+        track=follow(limits, state.track, robot.pose, now_ns),
+        heard_ns=max(state.heard_ns, robot.t_ns),
+        battery_told=state.battery_told or robot.battery is not None,
+    )
+
+
 def _too_old(limits: Limits, setpoint: Setpoint, age_s: float, now_ns: int) -> Reason | None:
-    """Say what is too old to be obeyed: the command, or what was seen when it was made."""
+    """Say what is too old to be obeyed: the command, or what was seen when it was made.
+
+    Both times are of one machine's clock: what was seen in the future has a wrong time, and may be older.
+    """
     if age_s > limits.command_timeout_s:
         return Reason.STALE
-    if setpoint.seen_ns is not None and (now_ns - setpoint.seen_ns) / 1e9 > limits.sight_timeout_s:
+    if setpoint.seen_ns is not None and not 0 <= (now_ns - setpoint.seen_ns) / 1e9 <= limits.sight_timeout_s:
         return Reason.BLIND
     return None

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from adatracker_deploy.geometry import Pose
 from adatracker_deploy.platform import ZERO, Twist
 from adatracker_deploy.runtime.gate.reasons import Reason
+from adatracker_deploy.runtime.gate.track import Track
 
 
 class Stage(enum.IntEnum):
@@ -63,6 +64,12 @@ class GateState:
     """When motion was first asked for; None before."""
     start: Pose | None = None
     """Where the robot was first seen to be; None while it tells no position."""
+    track: Track | None = None
+    """Where it can have come to by motion; None while it tells no position."""
+    heard_ns: int = 0
+    """When the newest was measured that the robot has told."""
+    battery_told: bool = False
+    """It has told its charge."""
     close: bool = False
     """The target was too close when it was last seen."""
     stop: Stop | None = None

@@ -23,12 +23,19 @@ def stops(limits: Limits, state: GateState, robot: PlatformState, now_ns: int) -
         yield Stop(Reason.TAKEOVER if robot.taken_over else Reason.ROBOT_STOPPED, robot.stopped)
     if not robot.engaged:
         yield Stop(Reason.NOT_ENGAGED)
-    if abs(robot.age_s(now_ns)) > limits.state_timeout_s:  # from the future is no better than old
+    # From the future is no better than old, and older than what was heard before is no news.
+    if abs(robot.age_s(now_ns)) > limits.state_timeout_s or robot.t_ns < state.heard_ns:
         yield from _unless_off(limits, Reason.STATE_LOST)
+    if robot.battery is None and state.battery_told and Reason.BATTERY not in limits.switched_off:
+        yield Stop(Reason.BATTERY_LOST)
     if robot.battery is not None and not robot.battery > limits.battery_stop:
         yield from _unless_off(limits, Reason.BATTERY, Stage.DISENGAGE)
     if robot.pose is None:
+        if state.track is not None and _needs_position(limits):
+            yield Stop(Reason.POSITION_LOST)
         return
+    if state.track is not None and state.track.jumped:
+        yield from _unless_off(limits, Reason.POSITION_JUMPED)
     if state.start and leaves_fence(limits, state.start, robot.pose, robot.velocity or state.last):
         yield from _unless_off(limits, Reason.GEOFENCE)
     if limits.altitude_m is not None and strays(limits.altitude_m, robot.pose.z):
@@ -57,6 +64,12 @@ def unwatched(limits: Limits, robot: PlatformState) -> tuple[Reason, ...]:
         Reason.BATTERY: robot.battery is None,
     }
     return tuple(reason for reason, lacks in missing.items() if lacks and reason not in limits.switched_off)
+
+
+def _needs_position(limits: Limits) -> bool:
+    """Tell whether any limit that is on is about where the robot is."""
+    fenced = Reason.GEOFENCE not in limits.switched_off
+    return fenced or (limits.altitude_m is not None and Reason.ALTITUDE not in limits.switched_off)
 
 
 def _unless_off(limits: Limits, reason: Reason, stage: Stage = Stage.HOLD) -> Iterator[Stop]:

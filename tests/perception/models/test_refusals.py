@@ -39,6 +39,10 @@ def custom_operator(model):
     model.graph.node[0].domain = "com.example"
 
 
+def loops(model):
+    model.graph.node[0].op_type = "Scan"
+
+
 def old_opset(model):
     model.opset_import[0].version = 9
 
@@ -60,6 +64,7 @@ def odd_size(model):
         (one_input_more, "wants the input extra [1] float32, which nobody feeds; known are picture"),
         (no_prototypes, "is made for the task 'segment' but has no output of prototypes"),
         (custom_operator, "uses the custom operator com.example::ReduceMax"),
+        (loops, "holds a loop (Scan), which may never end"),
         (old_opset, "uses opset [9]; expected one from 11 to 26"),
         (two_classes, "3 class names for 2 classes that the graph scores"),
         (odd_size, "rows and columns [48, 64] are no multiples of the stride 32"),

@@ -14,6 +14,7 @@ from adatracker_deploy.platform import ZERO, PlatformState, Twist
 from adatracker_deploy.runtime.gate import GateState, Reason, Setpoint, Stage, judge
 from adatracker_deploy.runtime.gate.envelope import Envelope
 from adatracker_deploy.runtime.gate.judge import LONGEST_STEP_S
+from adatracker_deploy.runtime.gate.track import JUMP_M, fastest_m_s
 
 anything = st.floats(allow_nan=True, allow_infinity=True)
 plausible = st.floats(-2.0, 2.0)
@@ -146,3 +147,54 @@ def test_a_command_that_jumps_from_end_to_end_is_as_smooth_as_any(signs):
         assert abs(after) <= LIMITS.accel_m_s2 + ROUNDING
         assert abs(after - rate) <= LIMITS.jerk_m_s3 * 0.02 + 1e-6
         rate = after
+
+
+@given(st.lists(st.tuples(st.floats(-0.4, 0.4), st.none() | st.floats(-0.4, 0.4)), max_size=30))
+def test_nothing_moves_by_what_was_seen_too_long_ago_or_not_yet(ages_s):
+    state, now_ns = GateState(armed_ns=START_NS), START_NS
+    for pause_s, seen_s in ages_s:
+        now_ns += round(abs(pause_s) / 4 * 1e9)
+        seen_ns = None if seen_s is None else now_ns - round(seen_s * 1e9)
+        robot = PlatformState(t_ns=now_ns, engaged=True)
+        state, verdict = judge(LIMITS, state, Setpoint(Twist(1.0), now_ns, None, seen_ns), robot, now_ns)
+        if seen_ns is not None and not 0 <= now_ns - seen_ns <= LIMITS.sight_timeout_s * 1e9:
+            assert (verdict.twist, verdict.reasons) == (ZERO, (Reason.BLIND,))
+        else:
+            assert verdict.stage is Stage.OBEY
+
+
+near = st.floats(-3.0, 3.0)
+WALKS = st.lists(
+    st.tuples(
+        st.floats(0.0, 0.4),
+        st.none() | st.builds(Pose, near, near, st.just(2.0)) | st.just(Pose(z=2.0)),
+        st.none() | st.just(0.9),
+        st.integers(-(10**8), 10**8),
+    ),
+    max_size=30,
+)
+
+
+@given(WALKS)
+def test_a_robot_that_is_driven_tells_what_it_told_before_and_moves_as_robots_do(script):
+    """Between any two positions there is no more than motion and an estimator's corrections explain."""
+    state, now_ns = GateState(armed_ns=START_NS), START_NS
+    places: list[tuple[int, Pose]] = []
+    battery_told, newest_ns = False, 0
+    for pause_s, pose, battery, heard_ns in script:
+        now_ns += round(pause_s * 1e9)
+        robot = PlatformState(t_ns=now_ns + heard_ns, engaged=True, pose=pose, battery=battery)
+        state, _ = judge(LIMITS, state, Setpoint(ZERO, now_ns), robot, now_ns)
+        if state.stop is not None:
+            return
+        assert pose is not None or not places
+        assert battery is not None or not battery_told
+        assert robot.t_ns >= newest_ns
+        battery_told, newest_ns = battery is not None, robot.t_ns
+        if pose is None:
+            continue
+        for then_ns, before in places:
+            moved_m = math.dist((pose.x, pose.y, pose.z), (before.x, before.y, before.z))
+            most_m = fastest_m_s(LIMITS) * ((now_ns - then_ns) / 1e9 + 0.4 * len(places)) + 2 * JUMP_M
+            assert moved_m <= most_m + ROUNDING
+        places.append((now_ns, pose))
