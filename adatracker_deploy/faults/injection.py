@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
 AFTERMATH_S = 1.0
 """How long the robot is watched after a fault is over: what was mended must resume nothing."""
+_FIRST_WORDS = 1000
 IN_PARTS = (
     *("camera_freeze", "segmenter_stall", "segmenter_error"),
     *("policy_nan", "policy_inf", "policy_hang", "action_jump"),
@@ -237,11 +238,16 @@ class Injection:
         log, link = self._log, self._link
         return Victims(
             link=link.pid if link is not None else 0,
-            robot=read_witness(self._file.read_text()).process("robot") or 0,
+            robot=self._robot(),
             log_writer=log.writer_pid if log is not None else 0,
             log_part=log.folder / "trial.mcap.part" if log is not None else None,
             pause=self._clock.pause,
         )
+
+    def _robot(self) -> int:
+        """Return the robot's process, which is the first thing that its witness writes; 0 if it has not."""
+        with self._file.open() as file:
+            return read_witness(file.read(_FIRST_WORDS)).process("robot") or 0
 
     def _note(self, name: str, *, begins: bool) -> None:
         """Write it down, before anything happens of which nobody could tell any more."""

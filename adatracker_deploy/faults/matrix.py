@@ -209,6 +209,7 @@ _REASONS = {
     ("drone", "frozen_state"): _STREAMS,
     ("drone", "frozen_odometry"): _STREAMS,
     ("quadruped", "remote_control"): _ROS,
+    ("quadruped", "takeover"): _ROS,
     ("quadruped", "emergency_stop"): _ROS,
     ("quadruped", "base_fault"): _ROS,
     ("quadruped", "frozen_state"): _ROS,
