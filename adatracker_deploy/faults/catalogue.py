@@ -23,7 +23,7 @@ CAMERA_GONE = Fault("camera_gone", "the camera's server is gone, and comes back"
 LINK_DROP = Fault("link_drop", "the wire is cut, and mended", 2.0)
 ROBOT_SILENT = Fault("robot_silent", "the robot hears but tells nothing", 2.0)
 BATTERY_LOW = Fault("battery_low", "5 % of the charge are left")
-TAKEOVER = Fault("takeover", "somebody else takes the robot: a pilot, or a remote control", 2.0)
+TAKEOVER = Fault("takeover", "a pilot or a remote control takes the robot over")
 """What a far end may know how to do: a `Sitl` lists those that its own does."""
 
 OURS = (

@@ -39,6 +39,7 @@ _STANDS_S = 2.0
 _BRAKED = {"drone": 3.0}
 """A drone that follows at 1 m/s brakes for longer."""
 _DOWN_S = 0.5
+_NOBODYS = "nobody drives it yet: a mode on the ground takes nothing over"
 _SAME = "the toolkit's own code, the same for every robot"
 _HANDLER = "the handler is Ctrl-C's: see interrupt"
 _EXIT_S = 10.0
@@ -93,7 +94,7 @@ _CONNECTING = _in(
     Row("link_stop", "quiet", 0.0, ANY, on=("drone",), elsewhere=_SAME),
     Row("link_drop", "quiet", 0.0, ANY),
     Row("robot_frozen", "quiet", 0.0, ANY),
-    Row("takeover", "quiet", 0.0, ANY, lands=False),
+    Row("takeover", "told", 0.0, STOPPED | KILLED, on=("wheeled",), elsewhere=_NOBODYS),
     Row("camera_gone", "quiet", 0.0, ANY, on=("wheeled",), elsewhere=_SAME),
     Row("suspend", "quiet", 0.0, ANY, on=("quadruped",), elsewhere=_SAME),
 )
