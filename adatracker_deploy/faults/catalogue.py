@@ -22,8 +22,8 @@ CAMERA_FREEZE = Fault("camera_freeze", "the camera repeats one picture, time sta
 CAMERA_GONE = Fault("camera_gone", "the camera's server is gone, and comes back", BLIND_FOR_S)
 LINK_DROP = Fault("link_drop", "the wire is cut, and mended", 2.0)
 ROBOT_SILENT = Fault("robot_silent", "the robot hears but tells nothing", 2.0)
-BATTERY_LOW = Fault("battery_low", "5 % of the charge are left")
 TAKEOVER = Fault("takeover", "a pilot or a remote control takes the robot over")
+BATTERY_LOW = Fault("battery_low", "5 % of the charge are left")
 """What a far end may know how to do: a `Sitl` lists those that its own does."""
 
 OURS = (

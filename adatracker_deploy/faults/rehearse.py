@@ -218,11 +218,13 @@ def _evidence(
         reason=summary.get("reason", _said(done)),
         log_trouble="the log is not whole" in done.stderr,
     )
-    try:
-        trial = min({path if path.is_dir() else path.parent for path in find_trials(folder)})
-    except (UsageError, ValueError):
+    if not folder.is_dir():
         return evidence  # it ended before it had a log
-    logged, onset_ns = read_trial(trial), account.onset_ns(row.fault) or 0
+    try:
+        logged = read_trial(min(path if path.is_dir() else path.parent for path in find_trials(folder)))
+    except (UsageError, ValueError):
+        return evidence  # the same
+    onset_ns = account.onset_ns(row.fault) or 0
     # The run's clock is the machine's, but for a rehearsed suspend; the log's events carry the wall's.
     events = [(event.wall_ns - (logged.wall_offset_ns or 0), event) for event in logged.events]
     later = [(t_ns, event) for t_ns, event in events if t_ns > onset_ns]
