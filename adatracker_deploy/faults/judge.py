@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from adatracker_deploy.faults.matrix import Measure, Row
     from adatracker_deploy.faults.witness import Account, Told
 
-__all__ = ["Evidence", "Result", "Verdict", "judge"]
+__all__ = ["Evidence", "Result", "Verdict", "judge", "limit_of"]
 
 MOVING_M_S = 0.3
 """Faster than this a robot moves, whether it flies or not: its stop shows something."""
@@ -108,7 +108,7 @@ def judge(
         phase=row.phase,
         variant=row.variant,
         says=says,
-        limit=_limit(row, limit_s),
+        limit=limit_of(row, platform),
         why=row.why,
         outcome=evidence.outcome or "killed",
         reason=evidence.reason,
@@ -249,11 +249,9 @@ def _since(onset_ns: int, times_ns: Iterable[int]) -> float:
     return max(0.0, (max(times_ns, default=onset_ns) - onset_ns) / 1e9)
 
 
-def _limit(row: Row, limit_s: float) -> str:
-    """Say what is allowed, in few words."""
-    if row.measure in _GOES_ON:
-        return _GOES_ON[row.measure]
-    return f"{row.measure} {limit_s:g} s"
+def limit_of(row: Row, platform: str) -> str:
+    """Say what a platform is allowed, in few words."""
+    return _GOES_ON.get(row.measure, f"{row.measure} {row.limit_of(platform):g} s")
 
 
 _GOES_ON: dict[Measure, str] = {

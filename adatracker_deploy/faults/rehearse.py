@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 
 import yaml
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.errors import PlatformError, UsageError
 from adatracker_deploy.faults.evidence import INTERRUPTED_STATUS, Evidence, Tick
-from adatracker_deploy.faults.judge import LANDED_M, STILL_M_S, Result, judge
+from adatracker_deploy.faults.judge import LANDED_M, STILL_M_S, Result, judge, limit_of
 from adatracker_deploy.faults.phases import TrialPhase
 from adatracker_deploy.faults.running_far_end import serving
 from adatracker_deploy.faults.watch import Watch
@@ -65,6 +65,22 @@ def rehearse(row: Row, platform_name: str, says: str, stalls: Stalls, folder: Pa
         stalls: watches the machine meanwhile.
         folder: for the trial's log.
     """
+    try:
+        return _rehearse(row, platform_name, says, stalls, folder)
+    except PlatformError as error:  # the far end did not come up: one row's failure is not the others'
+        return Result(
+            platform=platform_name,
+            fault=row.fault,
+            phase=row.phase,
+            variant=row.variant,
+            says=says,
+            limit=limit_of(row, platform_name),
+            verdict="WRONG",
+            note=str(error),
+        )
+
+
+def _rehearse(row: Row, platform_name: str, says: str, stalls: Stalls, folder: Path) -> Result:
     platform, flies = load_platform(platform_name), "vz" in load_platform(platform_name).axes
     profile_arguments, profile = _profile(platform, row.changes, folder)
     began_ns, again = time.monotonic_ns(), ""
