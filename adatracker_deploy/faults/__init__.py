@@ -9,7 +9,7 @@ tracker's interpreter stood still.
 `matrix` says what each fault is allowed while the robot follows, `phase_rows` in every other phase; `judge`
 compares that with the `evidence`, by which the fault must have taken effect (all pure). `rehearse` and
 `refusals` run a row for real, against a `running_far_end` that a second run meets again; `watch` sees its
-processes from outside, `stalls` the machine; `table` shows the results.
+processes from outside, `stalls` the machine; `gather` puts the evidence together, `table` shows the results.
 
 A run without ``--fault`` holds the catalogue's names and nothing that could strike.
 """

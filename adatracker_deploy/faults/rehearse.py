@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import signal
 import subprocess
@@ -14,8 +13,8 @@ from typing import TYPE_CHECKING
 
 import yaml
 
-from adatracker_deploy.errors import PlatformError, UsageError
-from adatracker_deploy.faults.evidence import INTERRUPTED_STATUS, Evidence, Tick
+from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.faults.gather import gather, said
 from adatracker_deploy.faults.judge import LANDED_M, STILL_M_S, Result, judge, limit_of
 from adatracker_deploy.faults.phases import TrialPhase
 from adatracker_deploy.faults.running_far_end import serving
@@ -23,7 +22,6 @@ from adatracker_deploy.faults.watch import Watch
 from adatracker_deploy.faults.witness import Account, read_witness
 from adatracker_deploy.platform import Scenario, load_platform
 from adatracker_deploy.profile import load_profile, profile_dir
-from adatracker_deploy.trial.reader import find_trials, read_trial
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -52,7 +50,6 @@ STALL_BEFORE_S, STALL_AFTER_S = 0.3, 1.0
 """About the onset: where a stall of the machine's could be taken for a late stop."""
 _AGAIN = ("--steps", "3", "--fault", f"interrupt@{TrialPhase.LOOKING}")
 """A second run shows that the robot is engaged again; the person may have walked away by then."""
-_NO_REASON = 200
 
 
 def rehearse(row: Row, platform_name: str, says: str, stalls: Stalls, folder: Path) -> Result:
@@ -94,7 +91,7 @@ def _rehearse(row: Row, platform_name: str, says: str, stalls: Stalls, folder: P
             done = _finish(process)
             ended_ns = time.monotonic_ns()
             _await_rest(watch, witness, flies=flies, lands=row.lands)
-        evidence = _evidence(row, done, watch, folder / "trials", read_witness(witness.read_text()))
+        evidence = gather(row, done, watch, folder / "trials", read_witness(witness.read_text()))
         if row.again:
             again = _second_run(_finish(_start(*common, *_AGAIN)), witness, since_ns=ended_ns)
         if not row.lands:
@@ -206,68 +203,7 @@ def _second_run(done: subprocess.CompletedProcess[str], witness: Path, since_ns:
     account = read_witness(witness.read_text())
     if any(t_ns > since_ns for t_ns, phase in account.phases if phase == TrialPhase.LOOKING):
         return "engages again"
-    return f"refuses: {_said(done)}"
-
-
-def _said(done: subprocess.CompletedProcess[str]) -> str:
-    """Return the last thing that a run said on the screen."""
-    lines = done.stderr.strip().splitlines()
-    if any("Traceback" in line for line in lines):
-        return f"Traceback: {lines[-1]}"
-    words = [line for line in lines if line.startswith("adatracker-deploy: ")]
-    return " ".join((words or lines or [f"exit {done.returncode}"])[-1].split())[-_NO_REASON:]
-
-
-def _evidence(
-    row: Row, done: subprocess.CompletedProcess[str], watch: Watch, folder: Path, account: Account
-) -> Evidence:
-    summary: dict[str, Any] = {}
-    with contextlib.suppress(IndexError, ValueError):
-        summary = json.loads(done.stdout.strip().splitlines()[-1])
-        summary = summary.get("trials", [summary])[0]
-    evidence = Evidence(
-        account=account,
-        seen=watch.seen(),
-        cores=len(os.sched_getaffinity(0)),
-        status=done.returncode,
-        outcome=summary.get("outcome", "interrupted" if done.returncode == INTERRUPTED_STATUS else ""),
-        reason=summary.get("reason", _said(done)),
-        log_trouble="the log is not whole" in done.stderr,
-    )
-    if not folder.is_dir():
-        return evidence  # it ended before it had a log
-    try:
-        logged = read_trial(min(path if path.is_dir() else path.parent for path in find_trials(folder)))
-    except (UsageError, ValueError):
-        return evidence  # the same
-    onset_ns = account.onset_ns(row.fault) or 0
-    # The run's clock is the machine's, but for a rehearsed suspend; the log's events carry the wall's.
-    events = [(event.wall_ns - (logged.wall_offset_ns or 0), event) for event in logged.events]
-    later = [(t_ns, event) for t_ns, event in events if t_ns > onset_ns]
-    stops = [pair for pair in later if pair[1].message.startswith(("holding: ", "disengaging: "))]
-    ends = [pair for pair in later if pair[1].message.startswith(_OUTCOMES)]
-    first = min((*stops[:1], *ends[:1]), key=lambda pair: pair[0], default=None)
-    return replace(
-        evidence,
-        latched_s=(stops[0][0] - onset_ns) / 1e9 if stops and onset_ns else None,
-        noticed=_noticed(row, first[1].message if first else "", first[1].level if first else ""),
-        ticks=tuple(Tick(step.t_ns, step.frame_seq, step.action) for step in logged.steps),
-        log_whole=logged.complete,
-    )
-
-
-_OUTCOMES = ("completed", "lost", "collision", "safety_stop", "takeover", "system_fault", "interrupted")
-
-
-def _noticed(row: Row, message: str, level: str) -> str:
-    """Say who noticed first: a link's stop that nobody asked for is a warning. Pure."""
-    if row.fault in {"tracker_kill", "tracker_stop"}:
-        return "link"
-    if row.fault in {"link_kill", "link_stop"}:
-        return "robot"
-    if not message:
-        return ""
-    return "tracker" if message.startswith(_OUTCOMES) else "link" if level == "warning" else "tracker"
+    return f"refuses: {said(done)}"
 
 
 def _rate_hz() -> float:
