@@ -51,7 +51,7 @@ def unpacked(chunk: Chunk, allowance: Allowance) -> bytes:
 
 
 def _plain(chunk: Chunk, most: int) -> bytes:
-    return chunk.data[: most + 1]
+    return bytes(chunk.data[: most + 1])
 
 
 def _zstd(chunk: Chunk, most: int) -> bytes:
