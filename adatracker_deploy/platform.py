@@ -173,8 +173,10 @@ class Scenario:
 class Sitl(abc.ABC):
     """The simulated far end of a robot's wire, in a process of its own."""
 
-    faults: ClassVar[tuple[Fault, ...]] = ()
+    faults: tuple[Fault, ...] = ()
     """What can be made to go wrong with it, by `order`."""
+    witness: Path | None = None
+    """The file in which its robot's witness writes already; None before it was ordered to."""
 
     @abc.abstractmethod
     def start(self, clock: Clock, scenario: Scenario) -> Profile:

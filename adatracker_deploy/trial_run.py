@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import gc
 import math
+import tempfile
 import time
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -22,6 +23,7 @@ from adatracker_deploy.perception.pipeline import Perception, Seen, refuse_hung
 from adatracker_deploy.perception.sources import open_source
 from adatracker_deploy.perception.world_camera import WorldCamera
 from adatracker_deploy.platform import ZERO
+from adatracker_deploy.runtime import pause
 from adatracker_deploy.runtime.black_box import FILE_NAME
 from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_deploy.runtime.engagement import Engagement
@@ -81,6 +83,8 @@ class TrialPlan:
     """Of the loop's thread and of the link."""
     faults: tuple[Strike, ...] = ()
     """What shall go wrong in a rehearsal, and when."""
+    far_end: Sitl | None = None
+    """A far end that somebody else has started; None to start one."""
 
 
 class Progress(Protocol):
@@ -132,7 +136,7 @@ class _Trial:
         self.started_s = started_s
         self.stop = stop
         self.stack = stack
-        self.clock = MonotonicClock(speed=plan.speed)
+        self.clock = _clock(plan, stack)
         self.tally = Tally()
         self.errors: list[str] = []
         self.injection: Injection | None = None
@@ -144,7 +148,7 @@ class _Trial:
         refuse_hung(plan.segmenter)
         if plan.sitl:
             self.progress.phase(f"starting the simulated {plan.platform.name}")
-            far_end = self.stack.enter_context(plan.platform.sitl(profile))
+            far_end = self.stack.enter_context(plan.far_end or plan.platform.sitl(profile))
             profile = far_end.start(self.clock, plan.scenario)
             if plan.faults:
                 plan = self._injected(far_end)
@@ -153,6 +157,7 @@ class _Trial:
         moves = not (plan.sitl or plan.dry_run)
         no_sleep = self.stack.enter_context(inhibited("a robot is driven")) if moves else ""
         self.link = self.stack.enter_context(LinkProcess(robot, profile, self.clock, plan.scheduling))
+        self._in_phase("connecting")
         self.engagement = Engagement(self.link, self.clock, self._reached)
         camera = self._open_camera(profile)
         if unreal := self._unreal():
@@ -177,7 +182,7 @@ class _Trial:
         if self.log.trouble:
             raise PlatformError(f"the trial cannot be logged: {self.log.trouble}")
         if self.injection is not None:
-            self.injection.attend(self.log, self.link)
+            self.injection.attend(self.log)
         if unreal:
             self._warn(unreal)
         if moves:
@@ -199,7 +204,8 @@ class _Trial:
         """Return the plan with parts that can go wrong."""
         from adatracker_deploy.faults.injection import Injection  # which no real robot's process holds
 
-        plan, injection = self.plan, Injection(self.plan.faults, far_end, self.clock)
+        plan = self.plan
+        injection = Injection(plan.faults, far_end, self.clock, plan.log_dir)
         self.injection = injection
         self.stack.callback(injection.close)
         self.plan = replace(
@@ -268,11 +274,13 @@ class _Trial:
     def _engage_and_follow(self, camera: Camera, profile: Profile) -> Ending:
         plan = self.plan
         self.progress.phase("engaging")
+        self._in_phase("engaging")
         self.engagement.begin()
         rate_hz = profile.camera.rate_hz if self.drawn else LOOK_HZ * self.clock.speed
         plan.segmenter.reset()
         perception = self.stack.enter_context(Perception(camera, plan.segmenter, self.clock, rate_hz))
         self.progress.phase(f"looking for the person, for {FIRST_SIGHT_TIMEOUT_S:g} s at most")
+        self._in_phase("looking")
         self._await_first_sight(perception)
         plan.policy.reset(plan.scenario.seed)
         camera.go()
@@ -313,8 +321,7 @@ class _Trial:
                 raise PlatformError(f"no person was seen within {FIRST_SIGHT_TIMEOUT_S:g} s")
 
     def _write(self, record: StepRecord, seen: Seen) -> None:
-        if self.injection is not None:
-            self.injection.follow()
+        self._in_phase("following")
         self.tally.add(record)
         self.log.step(record, seen.frame, seen.observation)
         self._log_events()
@@ -343,18 +350,20 @@ class _Trial:
         """Bring the robot to rest, close the log and sum up."""
         self.progress.phase(f"{ending.outcome}{': ' if ending.reason else ''}{ending.reason}; stopping")
         self.log.event("info", f"{ending.outcome} {ending.reason}".strip(), self.clock.now_ns())
+        self._in_phase("stopping")
         stop_s = None
         try:
             stop_s = self.engagement.stand_still(ending.outcome)
             if self.injection is not None:
                 self.injection.outlast()  # held, with everything in place: what is mended resumes nothing
             self.progress.phase("disengaging")
+            self._in_phase("disengaging")
             self.engagement.end(ending.outcome)
         except PlatformError as error:
             self.progress.phase(f"warning: {error}")
             self.log.event("error", str(error), self.clock.now_ns())
         if self.injection is not None:
-            self.injection.close()
+            self.injection.settle()
         self._log_events()
         if self.errors and ending.outcome == "completed":
             ending = Ending("system_fault", self.errors[-1])  # a drone that did not land is no success
@@ -370,7 +379,13 @@ class _Trial:
         self.log.close(summary)
         if self.log.trouble:
             self.progress.phase(f"warning: the log is not whole: {self.log.trouble}")
+        self._in_phase("between")
         return summary
+
+    def _in_phase(self, name: str) -> None:
+        """Tell whoever injects faults that a phase begins."""
+        if self.injection is not None:
+            self.injection.enter(name, self.link)
 
     def _config(self, profile: Profile) -> dict[str, Any]:
         """What the log says of the run itself."""
@@ -384,8 +399,18 @@ class _Trial:
             "camera": shown,
             "segmenter": plan.segmenter_name,
             "frames": plan.frames,
-            "faults": [f"{strike.fault.name}@{strike.at_s:g}" for strike in plan.faults],
+            "faults": [str(strike) for strike in plan.faults],
             "speed": plan.speed,
             "realtime": plan.scheduling.realtime,
             "cpus": sorted(plan.scheduling.cpus),
         }
+
+
+def _clock(plan: TrialPlan, stack: contextlib.ExitStack) -> MonotonicClock:
+    """Return the run's clock; where the machine shall be suspended, one that can stand still."""
+    if not any(strike.fault.name == "suspend" for strike in plan.faults):
+        return MonotonicClock(speed=plan.speed)
+    folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="adatracker-pause-"))
+    path = f"{folder}/pause"
+    pause.create(path)
+    return MonotonicClock(speed=plan.speed, pause=path)
