@@ -60,8 +60,8 @@ class WheeledPlatform(Platform):
         self._sent_ns = 0
         self._told = 0
         """Malformed frames, when they were last told of."""
-        self._warned = ""
-        """What the base warned of when that was last told."""
+        self._warned: frozenset[str] = frozenset()
+        """What the base has warned of and was told; each once, however often it comes and goes."""
 
     def connect(self) -> None:
         """Open the bus and wait for the base's state; sends nothing.
@@ -162,11 +162,11 @@ class WheeledPlatform(Platform):
             return ()
         count, status = wire.ear.malformed, wire.heard.status
         told, self._told = self._told, count
-        warning = status.warning if status is not None else ""
-        warned, self._warned = self._warned, warning
+        warnings = frozenset(filter(None, status.warning.split(", "))) if status is not None else frozenset()
+        new, self._warned = warnings - self._warned, self._warned | warnings
         return (
             *((f"CAN: {count} malformed frames were dropped",) if milestone(told, count) else ()),
-            *((f"the base warns of: {warning}",) if warning and warning != warned else ()),
+            *(f"the base warns of: {warning}" for warning in sorted(new)),
         )
 
     def hold(self, reason: str) -> None:
