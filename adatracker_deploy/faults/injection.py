@@ -110,6 +110,8 @@ class Injection:
         with self._news:
             if phase in self._entered:
                 return
+            if link is not None and self._link is None:
+                self._witness.process("link", link.pid)  # before it bears its name, too
             self._link = link or self._link
             self._witness.phase(phase)
             self._entered[phase] = time.monotonic()

@@ -38,11 +38,13 @@ class TakeOff:
 
     def __init__(self, path: Path, enter: Callable[[TrialPhase], None]) -> None:
         self._path, self._enter = path, enter
+        self._from = 0
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="take-off", daemon=True)
 
     def watch(self) -> None:
         """Begin to; what was written before does not count."""
+        self._from = self._path.stat().st_size
         self._thread.start()
 
     def close(self) -> None:
@@ -53,7 +55,7 @@ class TakeOff:
 
     def _watch(self) -> None:
         with self._path.open() as file:
-            file.seek(0, 2)
+            file.seek(self._from)
             rest = ""
             while not self._ended.wait(LOOK_S):
                 whole, _, rest = (rest + file.read()).rpartition("\n")

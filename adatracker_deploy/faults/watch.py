@@ -60,8 +60,8 @@ class Watch:
     """Watches while it is entered.
 
     Args:
-        tracker: its process id; the link is the child that bears the link's name.
-        witness: the file in which the robot says its own.
+        tracker: its process id; the link is the child that bears the link's name, or will.
+        witness: the file in which the robot says its own, and the tracker its first link's.
     """
 
     tracker: int
@@ -96,8 +96,10 @@ class Watch:
             ended = self._ended.wait(LOOK_S)  # and look once more: the end itself counts
             now_ns = time.monotonic_ns()
             self._link = next(_links_of(self.tracker), 0) or self._link
-            if not self._robot and self.witness.exists():
-                self._robot = read_witness(self.witness.read_text()).process("robot") or 0
+            if not (self._robot and self._link) and self.witness.exists():
+                account = read_witness(self.witness.read_text())
+                self._robot = account.process("robot") or 0
+                self._link = self._link or account.process("link") or 0
             pids: dict[Role, int] = {"tracker": self.tracker, "link": self._link, "robot": self._robot}
             for role, pid in pids.items():
                 if pid and (state := _state(pid)) != last.get(role):

@@ -72,9 +72,9 @@ class Witness:
         """Note that the robot suffers a fault from now on."""
         self._write(f"suffers {name}")
 
-    def process(self, role: str) -> None:
-        """Note that this process is the robot, or the tracker."""
-        self._write(f"process {role} {os.getpid()}")
+    def process(self, role: str, pid: int = 0) -> None:
+        """Note which process is the robot, the tracker or the link; 0 for the one that calls."""
+        self._write(f"process {role} {pid or os.getpid()}")
 
     def phase(self, name: str) -> None:
         """Note that a trial has entered a phase."""
