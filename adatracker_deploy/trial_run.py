@@ -16,12 +16,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from adatracker_deploy.dry_run import DryRun
-from adatracker_deploy.errors import PlatformError, UsageError
-from adatracker_deploy.perception.camera import ROBOT, FilmOverError, scene_of, without_password
-from adatracker_deploy.perception.live import NO_STAMPS, LiveCamera
+from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.perception.camera import FilmOverError, scene_of, without_password
 from adatracker_deploy.perception.pipeline import Perception, Seen, refuse_hung
-from adatracker_deploy.perception.sources import open_source
-from adatracker_deploy.perception.world_camera import WorldCamera
 from adatracker_deploy.platform import ZERO
 from adatracker_deploy.runtime import pause
 from adatracker_deploy.runtime.black_box import FILE_NAME
@@ -36,6 +33,7 @@ from adatracker_deploy.trial.live_port import app_url, websocket_url
 from adatracker_deploy.trial.log import TrialLog
 from adatracker_deploy.trial.record import RESULTS
 from adatracker_deploy.trial.tally import Tally
+from adatracker_deploy.trial_camera import open_camera, virtual_person
 
 if TYPE_CHECKING:
     from adatracker_deploy.faults.injection import Injection
@@ -52,8 +50,6 @@ if TYPE_CHECKING:
 FIRST_SIGHT_TIMEOUT_S = 10.0
 LOOK_HZ = 200.0
 """How often, in machine time, a camera that sends by itself is looked at: a frame waits 5 ms at most."""
-IMAGE_SIZE = (160, 160)
-"""Of the virtual camera, px: the size at which masks are drawn for policies."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -160,7 +156,8 @@ class _Trial:
         self._in_phase("connecting")
         self.engagement = Engagement(self.link, self.clock, self._reached)
         camera = self._open_camera(profile)
-        if unreal := self._unreal():
+        unreal = virtual_person(self.plan) if self.drawn and moves else ""
+        if unreal:
             self.progress.phase(f"warning: {unreal}")
         self.progress.phase("connecting")
         self._refuse_unready(self.link.connect())
@@ -217,51 +214,14 @@ class _Trial:
         """Open the camera and see that its frames can be used, before anything moves."""
         uri = self.plan.camera or profile.camera.uri
         self.drawn = scene_of(uri) is not None
-        if self.drawn:
-            return self._faulty(self._virtual_camera(profile))
-        profile = replace(profile, camera=replace(profile.camera, uri=uri))
-        if uri.startswith(ROBOT):
-            camera = self.plan.platform.camera(profile, self.clock)
-        else:
-            camera = open_source(uri, self.clock)
-        self.progress.phase(f"opening the camera {without_password(uri)}")
-        self.stack.callback(camera.close)
-        camera.open()
-        if isinstance(camera, LiveCamera) and camera.hides_delay:
-            self.progress.phase(f"warning: camera {camera.name}: {NO_STAMPS}")
-        if self.plan.segmenter.needs_truth:
-            frame = camera.read(self.clock.now_ns())
-            if frame is None or frame.truth is None:
-                raise UsageError(
-                    f"camera {without_password(uri)}: gives pictures alone, and this segmenter is for the "
-                    "cameras of rehearsals, which know what they show: try --segmenter embedded"
-                )
-        return self._faulty(camera)
-
-    def _unreal(self) -> str:
-        """Say that a real robot would follow somebody who is drawn; empty where it does not."""
-        if not self.drawn or self.plan.sitl or self.plan.dry_run:
-            return ""
-        uri = self.plan.camera or self.plan.profile.camera.uri
-        return (
-            f"A REAL ROBOT WILL FOLLOW A VIRTUAL PERSON: its camera, {uri}, is drawn and sees nobody; "
-            "give the one that it carries with --camera"
+        camera = open_camera(
+            self.plan, profile, uri, self.clock, self._reported_pose, self.progress.phase, self.stack
         )
-
-    def _faulty(self, camera: Camera) -> Camera:
         return camera if self.injection is None else self.injection.camera(camera)
 
-    def _virtual_camera(self, profile: Profile) -> WorldCamera:
-        from adatracker_deploy.world import World  # needs the sitl extra
-
-        scenario = self.plan.scenario
-        world = World(scenario.scene, seed=scenario.seed, target_speed_m_s=scenario.target_speed_m_s)
-
-        def reported_pose() -> Pose | None:
-            status = self.link.status()
-            return status.state.pose if status else None
-
-        return WorldCamera(world, profile.sitl.camera, reported_pose, IMAGE_SIZE)
+    def _reported_pose(self) -> Pose | None:
+        status = self.link.status()
+        return status.state.pose if status else None
 
     def _refuse_unready(self, checks: tuple[Check, ...]) -> None:
         for check in checks:
