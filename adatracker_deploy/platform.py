@@ -10,7 +10,7 @@ import abc
 import math
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar
 
 from adatracker_deploy.errors import PlatformError, UsageError
 from adatracker_deploy.faults.catalogue import Fault
@@ -40,7 +40,10 @@ __all__ = [
     "Twist",
     "load_platform",
     "platform_names",
+    "while_told",
 ]
+
+T = TypeVar("T")
 
 ENTRY_POINT_GROUP = "adatracker_deploy.platforms"
 _DISTRIBUTION = "adatracker-deploy"
@@ -94,6 +97,18 @@ class PlatformState:
     def age_s(self, now_ns: int) -> float:
         """Return the seconds since the newest measurement; infinite before the first."""
         return (now_ns - self.t_ns) / 1e9 if self.t_ns else math.inf
+
+
+def while_told(value: T | None, t_ns: int, clock: Clock, timeout_s: float) -> T | None:
+    """Return a measurement, or None where it was told too long ago: what falls silent is no measurement.
+
+    Args:
+        value: the newest.
+        t_ns: when it was told, by the run's clock.
+        clock: the run's.
+        timeout_s: of the machine's seconds.
+    """
+    return value if (clock.now_ns() - t_ns) / 1e9 / clock.speed <= timeout_s else None
 
 
 @dataclass(frozen=True, slots=True)

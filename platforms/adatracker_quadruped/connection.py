@@ -70,6 +70,8 @@ class Connection:
     tls: Tls | None = None
     min_battery: Annotated[float, Range(0, 1)] = 0.2
     """Charge needed to engage; 0 also accepts a robot that does not tell it."""
+    battery_timeout_s: Annotated[float, Range(1, 600)] = 30.0
+    """A charge that was told longer ago is not told any more, and the robot is stopped."""
     connect_timeout_s: Annotated[float, Range(0.1, 30)] = 1.5
     """How long to dial; a robot on the same network answers in milliseconds."""
     lease_s: Annotated[float, Range(0.1, 10)] = 1.0

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.milestone import milestone
 from adatracker_deploy.perception.camera import ROBOT
-from adatracker_deploy.platform import ZERO, Body, Check, Platform, PlatformState, Sitl, Twist
+from adatracker_deploy.platform import ZERO, Body, Check, Platform, PlatformState, Sitl, Twist, while_told
 from adatracker_deploy.runtime.suspend import SuspendWatch
 from adatracker_quadruped.camera_topic import with_camera
 from adatracker_quadruped.connection import Connection
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from adatracker_deploy.perception.camera import Camera
     from adatracker_deploy.profile import Profile
     from adatracker_deploy.runtime.clock import Clock
+    from adatracker_quadruped.tap import Reading
 
 _ZEROS = 3
 _ZERO_PERIOD_S = 0.02
@@ -159,9 +160,14 @@ class QuadrupedPlatform(Platform):
             engaged=engaged,
             pose=reading.value.pose,
             velocity=reading.value.velocity,
-            battery=battery.value if battery is not None else None,
+            battery=self._charge(battery),
             stopped=stopped,
         )
+
+    def _charge(self, reading: Reading[float | None] | None) -> float | None:
+        if reading is None:
+            return None
+        return while_told(reading.value, reading.t_ns, self.clock, self._connection.battery_timeout_s)
 
     def notices(self) -> tuple[str, ...]:
         """Tell of messages of the robot's that could not be believed."""

@@ -34,7 +34,9 @@ class Heard:
     motion_t_ns: int = 0
     pose: Pose | None = None
     """By dead reckoning, from where the base stood when it was first heard."""
+    pose_t_ns: int = 0
     battery: float | None = None
+    battery_t_ns: int = 0
     rival_id: int | None = None
     """Of the newest frame with which somebody else on the bus commands the base."""
     rival_t_ns: int = 0
@@ -94,12 +96,12 @@ class Ear:
             heard = replace(heard, motion=reading.motion, motion_t_ns=now_ns)
             if not self._by_wheels:
                 self._reckoning = self._reckoning.moved(reading.motion, now_ns)
-                heard = replace(heard, pose=self._reckoning.pose)
+                heard = replace(heard, pose=self._reckoning.pose, pose_t_ns=now_ns)
         if reading.wheels_m is not None and self._by_wheels:
             self._reckoning = self._reckoning.rolled(reading.wheels_m, now_ns)
-            heard = replace(heard, pose=self._reckoning.pose)
+            heard = replace(heard, pose=self._reckoning.pose, pose_t_ns=now_ns)
         if reading.battery is not None:
-            heard = replace(heard, battery=reading.battery)
+            heard = replace(heard, battery=reading.battery, battery_t_ns=now_ns)
         self.heard = heard
 
     def explain_silence(self) -> str:

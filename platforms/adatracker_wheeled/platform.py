@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from adatracker_deploy.errors import PlatformError, UsageError
 from adatracker_deploy.milestone import milestone
-from adatracker_deploy.platform import Body, Check, Platform, PlatformState, Sitl, Twist
+from adatracker_deploy.platform import Body, Check, Platform, PlatformState, Sitl, Twist, while_told
 from adatracker_wheeled.connection import Connection
 from adatracker_wheeled.engaging import enable
 from adatracker_wheeled.hearing import Heard, Trouble
@@ -35,6 +35,10 @@ if TYPE_CHECKING:
 
 _DISABLE_TIMEOUT_S = 0.2
 _REST_TIMEOUT_S = 3.0
+_POSE_TIMEOUT_S = 1.0
+"""Wheels that are not told for so long leave the place unknown; bases tell them 50 times a second."""
+_BATTERY_PERIODS = 5
+"""So many charges that do not come are a charge that is not told any more."""
 
 
 class WheeledPlatform(Platform):
@@ -54,6 +58,7 @@ class WheeledPlatform(Platform):
         super().__init__(profile, clock)
         self._connection: Connection = profile.connection
         self._timing = self._connection.roles.timing
+        self._battery_timeout_s = _BATTERY_PERIODS * self._timing.battery_period_s
         self._helm = Helm()
         self._turn = threading.Lock()
         self._closing = False
@@ -148,9 +153,9 @@ class WheeledPlatform(Platform):
             t_ns=max(heard.status_t_ns, heard.motion_t_ns),
             mode=heard.status.mode_name if heard.status else "",
             engaged=self._helm.engaged,
-            pose=heard.pose,
+            pose=while_told(heard.pose, heard.pose_t_ns, self.clock, _POSE_TIMEOUT_S),
             velocity=heard.motion,
-            battery=heard.battery,
+            battery=while_told(heard.battery, heard.battery_t_ns, self.clock, self._battery_timeout_s),
             stopped=self._helm.stopped,
             taken_over=self._helm.taken_over,
         )
