@@ -140,11 +140,13 @@ class Orders:
         match order:
             case "begin":
                 self.faults |= {what}
+                self.witness.suffers(what)
             case "end":
                 self.faults -= {what}
             case "witness":
                 with contextlib.suppress(OSError):  # it is not the robot's business
                     self.witness = Witness(Path(what))
+                    self.witness.process("robot")
                 return
             case _:
                 return

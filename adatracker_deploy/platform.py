@@ -10,7 +10,7 @@ import abc
 import math
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar
 
 from adatracker_deploy.errors import PlatformError, UsageError
 from adatracker_deploy.faults.catalogue import Fault
@@ -40,7 +40,10 @@ __all__ = [
     "Twist",
     "load_platform",
     "platform_names",
+    "while_told",
 ]
+
+T = TypeVar("T")
 
 ENTRY_POINT_GROUP = "adatracker_deploy.platforms"
 _DISTRIBUTION = "adatracker-deploy"
@@ -94,6 +97,18 @@ class PlatformState:
     def age_s(self, now_ns: int) -> float:
         """Return the seconds since the newest measurement; infinite before the first."""
         return (now_ns - self.t_ns) / 1e9 if self.t_ns else math.inf
+
+
+def while_told(value: T | None, t_ns: int, clock: Clock, timeout_s: float) -> T | None:
+    """Return a measurement, or None where it was told too long ago: what falls silent is no measurement.
+
+    Args:
+        value: the newest.
+        t_ns: when it was told, by the run's clock.
+        clock: the run's.
+        timeout_s: of the machine's seconds.
+    """
+    return value if (clock.now_ns() - t_ns) / 1e9 / clock.speed <= timeout_s else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,8 +188,10 @@ class Scenario:
 class Sitl(abc.ABC):
     """The simulated far end of a robot's wire, in a process of its own."""
 
-    faults: ClassVar[tuple[Fault, ...]] = ()
+    faults: tuple[Fault, ...] = ()
     """What can be made to go wrong with it, by `order`."""
+    witness: Path | None = None
+    """The file in which its robot's witness writes already; None before it was ordered to."""
 
     @abc.abstractmethod
     def start(self, clock: Clock, scenario: Scenario) -> Profile:

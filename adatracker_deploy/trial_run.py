@@ -9,19 +9,18 @@ from __future__ import annotations
 import contextlib
 import gc
 import math
+import tempfile
 import time
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from adatracker_deploy.dry_run import DryRun
-from adatracker_deploy.errors import PlatformError, UsageError
-from adatracker_deploy.perception.camera import ROBOT, FilmOverError, scene_of, without_password
-from adatracker_deploy.perception.live import NO_STAMPS, LiveCamera
+from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.perception.camera import FilmOverError, scene_of, without_password
 from adatracker_deploy.perception.pipeline import Perception, Seen, refuse_hung
-from adatracker_deploy.perception.sources import open_source
-from adatracker_deploy.perception.world_camera import WorldCamera
 from adatracker_deploy.platform import ZERO
+from adatracker_deploy.runtime import pause
 from adatracker_deploy.runtime.black_box import FILE_NAME
 from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_deploy.runtime.engagement import Engagement
@@ -34,6 +33,7 @@ from adatracker_deploy.trial.live_port import app_url, websocket_url
 from adatracker_deploy.trial.log import TrialLog
 from adatracker_deploy.trial.record import RESULTS
 from adatracker_deploy.trial.tally import Tally
+from adatracker_deploy.trial_camera import open_camera, virtual_person
 
 if TYPE_CHECKING:
     from adatracker_deploy.faults.injection import Injection
@@ -50,8 +50,6 @@ if TYPE_CHECKING:
 FIRST_SIGHT_TIMEOUT_S = 10.0
 LOOK_HZ = 200.0
 """How often, in machine time, a camera that sends by itself is looked at: a frame waits 5 ms at most."""
-IMAGE_SIZE = (160, 160)
-"""Of the virtual camera, px: the size at which masks are drawn for policies."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,6 +79,8 @@ class TrialPlan:
     """Of the loop's thread and of the link."""
     faults: tuple[Strike, ...] = ()
     """What shall go wrong in a rehearsal, and when."""
+    far_end: Sitl | None = None
+    """A far end that somebody else has started; None to start one."""
 
 
 class Progress(Protocol):
@@ -132,7 +132,7 @@ class _Trial:
         self.started_s = started_s
         self.stop = stop
         self.stack = stack
-        self.clock = MonotonicClock(speed=plan.speed)
+        self.clock = _clock(plan, stack)
         self.tally = Tally()
         self.errors: list[str] = []
         self.injection: Injection | None = None
@@ -144,7 +144,7 @@ class _Trial:
         refuse_hung(plan.segmenter)
         if plan.sitl:
             self.progress.phase(f"starting the simulated {plan.platform.name}")
-            far_end = self.stack.enter_context(plan.platform.sitl(profile))
+            far_end = self.stack.enter_context(plan.far_end or plan.platform.sitl(profile))
             profile = far_end.start(self.clock, plan.scenario)
             if plan.faults:
                 plan = self._injected(far_end)
@@ -153,9 +153,11 @@ class _Trial:
         moves = not (plan.sitl or plan.dry_run)
         no_sleep = self.stack.enter_context(inhibited("a robot is driven")) if moves else ""
         self.link = self.stack.enter_context(LinkProcess(robot, profile, self.clock, plan.scheduling))
+        self._in_phase("connecting")
         self.engagement = Engagement(self.link, self.clock, self._reached)
         camera = self._open_camera(profile)
-        if unreal := self._unreal():
+        unreal = virtual_person(self.plan) if self.drawn and moves else ""
+        if unreal:
             self.progress.phase(f"warning: {unreal}")
         self.progress.phase("connecting")
         self._refuse_unready(self.link.connect())
@@ -177,7 +179,7 @@ class _Trial:
         if self.log.trouble:
             raise PlatformError(f"the trial cannot be logged: {self.log.trouble}")
         if self.injection is not None:
-            self.injection.attend(self.log, self.link)
+            self.injection.attend(self.log)
         if unreal:
             self._warn(unreal)
         if moves:
@@ -199,7 +201,8 @@ class _Trial:
         """Return the plan with parts that can go wrong."""
         from adatracker_deploy.faults.injection import Injection  # which no real robot's process holds
 
-        plan, injection = self.plan, Injection(self.plan.faults, far_end, self.clock)
+        plan = self.plan
+        injection = Injection(plan.faults, far_end, self.clock, plan.log_dir)
         self.injection = injection
         self.stack.callback(injection.close)
         self.plan = replace(
@@ -211,51 +214,14 @@ class _Trial:
         """Open the camera and see that its frames can be used, before anything moves."""
         uri = self.plan.camera or profile.camera.uri
         self.drawn = scene_of(uri) is not None
-        if self.drawn:
-            return self._faulty(self._virtual_camera(profile))
-        profile = replace(profile, camera=replace(profile.camera, uri=uri))
-        if uri.startswith(ROBOT):
-            camera = self.plan.platform.camera(profile, self.clock)
-        else:
-            camera = open_source(uri, self.clock)
-        self.progress.phase(f"opening the camera {without_password(uri)}")
-        self.stack.callback(camera.close)
-        camera.open()
-        if isinstance(camera, LiveCamera) and camera.hides_delay:
-            self.progress.phase(f"warning: camera {camera.name}: {NO_STAMPS}")
-        if self.plan.segmenter.needs_truth:
-            frame = camera.read(self.clock.now_ns())
-            if frame is None or frame.truth is None:
-                raise UsageError(
-                    f"camera {without_password(uri)}: gives pictures alone, and this segmenter is for the "
-                    "cameras of rehearsals, which know what they show: try --segmenter embedded"
-                )
-        return self._faulty(camera)
-
-    def _unreal(self) -> str:
-        """Say that a real robot would follow somebody who is drawn; empty where it does not."""
-        if not self.drawn or self.plan.sitl or self.plan.dry_run:
-            return ""
-        uri = self.plan.camera or self.plan.profile.camera.uri
-        return (
-            f"A REAL ROBOT WILL FOLLOW A VIRTUAL PERSON: its camera, {uri}, is drawn and sees nobody; "
-            "give the one that it carries with --camera"
+        camera = open_camera(
+            self.plan, profile, uri, self.clock, self._reported_pose, self.progress.phase, self.stack
         )
-
-    def _faulty(self, camera: Camera) -> Camera:
         return camera if self.injection is None else self.injection.camera(camera)
 
-    def _virtual_camera(self, profile: Profile) -> WorldCamera:
-        from adatracker_deploy.world import World  # needs the sitl extra
-
-        scenario = self.plan.scenario
-        world = World(scenario.scene, seed=scenario.seed, target_speed_m_s=scenario.target_speed_m_s)
-
-        def reported_pose() -> Pose | None:
-            status = self.link.status()
-            return status.state.pose if status else None
-
-        return WorldCamera(world, profile.sitl.camera, reported_pose, IMAGE_SIZE)
+    def _reported_pose(self) -> Pose | None:
+        status = self.link.status()
+        return status.state.pose if status else None
 
     def _refuse_unready(self, checks: tuple[Check, ...]) -> None:
         for check in checks:
@@ -268,11 +234,13 @@ class _Trial:
     def _engage_and_follow(self, camera: Camera, profile: Profile) -> Ending:
         plan = self.plan
         self.progress.phase("engaging")
+        self._in_phase("engaging")
         self.engagement.begin()
         rate_hz = profile.camera.rate_hz if self.drawn else LOOK_HZ * self.clock.speed
         plan.segmenter.reset()
         perception = self.stack.enter_context(Perception(camera, plan.segmenter, self.clock, rate_hz))
         self.progress.phase(f"looking for the person, for {FIRST_SIGHT_TIMEOUT_S:g} s at most")
+        self._in_phase("looking")
         self._await_first_sight(perception)
         plan.policy.reset(plan.scenario.seed)
         camera.go()
@@ -313,8 +281,7 @@ class _Trial:
                 raise PlatformError(f"no person was seen within {FIRST_SIGHT_TIMEOUT_S:g} s")
 
     def _write(self, record: StepRecord, seen: Seen) -> None:
-        if self.injection is not None:
-            self.injection.follow()
+        self._in_phase("following")
         self.tally.add(record)
         self.log.step(record, seen.frame, seen.observation)
         self._log_events()
@@ -343,18 +310,20 @@ class _Trial:
         """Bring the robot to rest, close the log and sum up."""
         self.progress.phase(f"{ending.outcome}{': ' if ending.reason else ''}{ending.reason}; stopping")
         self.log.event("info", f"{ending.outcome} {ending.reason}".strip(), self.clock.now_ns())
+        self._in_phase("stopping")
         stop_s = None
         try:
             stop_s = self.engagement.stand_still(ending.outcome)
             if self.injection is not None:
                 self.injection.outlast()  # held, with everything in place: what is mended resumes nothing
             self.progress.phase("disengaging")
+            self._in_phase("disengaging")
             self.engagement.end(ending.outcome)
         except PlatformError as error:
             self.progress.phase(f"warning: {error}")
             self.log.event("error", str(error), self.clock.now_ns())
         if self.injection is not None:
-            self.injection.close()
+            self.injection.settle()
         self._log_events()
         if self.errors and ending.outcome == "completed":
             ending = Ending("system_fault", self.errors[-1])  # a drone that did not land is no success
@@ -370,7 +339,13 @@ class _Trial:
         self.log.close(summary)
         if self.log.trouble:
             self.progress.phase(f"warning: the log is not whole: {self.log.trouble}")
+        self._in_phase("between")
         return summary
+
+    def _in_phase(self, name: str) -> None:
+        """Tell whoever injects faults that a phase begins."""
+        if self.injection is not None:
+            self.injection.enter(name, self.link)
 
     def _config(self, profile: Profile) -> dict[str, Any]:
         """What the log says of the run itself."""
@@ -384,8 +359,18 @@ class _Trial:
             "camera": shown,
             "segmenter": plan.segmenter_name,
             "frames": plan.frames,
-            "faults": [f"{strike.fault.name}@{strike.at_s:g}" for strike in plan.faults],
+            "faults": [str(strike) for strike in plan.faults],
             "speed": plan.speed,
             "realtime": plan.scheduling.realtime,
             "cpus": sorted(plan.scheduling.cpus),
         }
+
+
+def _clock(plan: TrialPlan, stack: contextlib.ExitStack) -> MonotonicClock:
+    """Return the run's clock; where the machine shall be suspended, one that can stand still."""
+    if not any(strike.fault.name == "suspend" for strike in plan.faults):
+        return MonotonicClock(speed=plan.speed)
+    folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="adatracker-pause-"))
+    path = f"{folder}/pause"
+    pause.create(path)
+    return MonotonicClock(speed=plan.speed, pause=path)

@@ -3,23 +3,18 @@
 Tests run in two processes, a file at a time (``-n 2 --dist loadfile``). Files that drive robots for long come
 last, so that two cores then have two robots at most and nothing else; before a file of real-time tests what
 earlier ones left is collected, once; and a real-time test that failed while the machine itself stood still is
-run again (`witness`), which is shown after the run.
+run again (`reruns`), which is shown after the run and counted.
 """
 
 from __future__ import annotations
 
-import atexit
-import functools
-import gc
 import os
-import time
 from pathlib import Path
 
 import hypothesis
 import pytest
-from _pytest.runner import runtestprotocol
 
-from .witness import Witness
+pytest_plugins = ["tests.reruns"]
 
 IN_CI = bool(os.environ.get("CI"))
 """There the same examples are drawn each time, so that a change is judged by what it changes."""
@@ -40,8 +35,6 @@ REAL_TIME = (
     "trial",
     "wheeled",
 )
-TRIES = 4
-BEGAN_S = pytest.StashKey[float]()
 MEASURED = "measured"
 
 
@@ -64,48 +57,6 @@ def pytest_collection_modifyitems(items):
             if item.get_closest_marker("slow"):
                 last.add(item.path)
     items.sort(key=lambda item: item.path in last)
-
-
-@functools.cache
-def witness() -> Witness:
-    found = Witness()
-    atexit.register(found.close)
-    return found
-
-
-@functools.lru_cache(maxsize=1)
-def collect_before(_path: Path) -> None:
-    """Collect what earlier files left; later collections only look at what is made from now on.
-
-    A full one took up to 0.6 s in a process with torch and a thousand tests behind it, in which whatever part
-    of a robot ran there was silent.
-    """
-    gc.collect()
-    gc.freeze()
-
-
-def pytest_runtest_protocol(item, nextitem):
-    """Run a real-time test again, robots and all, that failed while the machine stood still."""
-    if not item.get_closest_marker("realtime"):
-        return None
-    item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
-    collect_before(item.path)
-    witness()  # watches from now on
-    since_s = (item.getparent(pytest.Class) or item).stash.setdefault(BEGAN_S, time.monotonic())
-    for tries_left in reversed(range(TRIES)):
-        reports = runtestprotocol(item, nextitem=nextitem, log=False)
-        stall_s = witness().longest_s(since_s)
-        if not (tries_left and stall_s and any(report.failed for report in reports)):
-            break
-        item.session._setupstate.teardown_exact(None)  # a class's robot may be what has stopped
-        again = f"run again, for the machine stood still for {stall_s:.2f} s: {item.nodeid}"
-        item.user_properties = [(MEASURED, again)]
-        witness().wait_until_calm()
-        since_s = time.monotonic()
-    for report in reports:
-        item.ihook.pytest_runtest_logreport(report=report)
-    item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
-    return True
 
 
 def pytest_terminal_summary(terminalreporter):

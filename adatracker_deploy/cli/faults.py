@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from adatracker_deploy.cli.ranges import whole
 from adatracker_deploy.errors import UsageError
+from adatracker_deploy.faults.phases import ORDER, TrialPhase
 
 if TYPE_CHECKING:
     import argparse
@@ -36,10 +37,8 @@ class Job(NamedTuple):
 
     run: Callable[[Stalls, Path], Result]
     """In an empty folder."""
-    platform: str
-    """Two rows of one robot, whose ports may be its profile's, never run at once."""
     alone: bool = False
-    """Nor with any other: it is one of timing."""
+    """Never beside another: it is one of timing."""
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -55,14 +54,26 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "--platform", action="extend", nargs="+", metavar="NAME", help="these robots (default: all)"
     )
     parser.add_argument(
-        "--fault", action="extend", nargs="+", metavar="NAME", help="these faults (default: all)"
+        "--fault",
+        action="extend",
+        nargs="+",
+        metavar="NAME",
+        help="these faults, in every phase, or NAME@PHASE (default: all)",
+    )
+    parser.add_argument(
+        "--phase",
+        action="extend",
+        nargs="+",
+        choices=[*map(str, ORDER)],
+        metavar="PHASE",
+        help=f"these phases of a trial: {', '.join(ORDER)} (default: all)",
     )
     parser.add_argument(
         "--at-once",
         type=whole(1, MOST_AT_ONCE),
         default=1,
         metavar="N",
-        help="robots to rehearse side by side; a row that goes wrong so is run again alone, and that counts "
+        help="rehearsals side by side; a row that goes wrong so is run again alone, and that counts "
         "(default: %(default)s)",
     )
     parser.add_argument("--markdown", type=Path, metavar="FILE", help="write the table into this file too")
@@ -82,10 +93,10 @@ def run(args: argparse.Namespace) -> int:
     told = itertools.count(1)
 
     def tell(result: Result) -> None:
-        time_s = "-" if result.told_s is None else f"{result.told_s:.2f} s"
+        time_s = "-" if result.value_s is None else f"{result.value_s:.2f}"
         again = f", try {result.tries}" if result.tries > 1 else ""
         console.print(
-            f"{next(told)}/{len(jobs)} {result.platform} {result.fault}: {result.verdict}, {time_s}, machine "
+            f"{next(told)}/{len(jobs)} {result.platform} {result.name}: {result.verdict}, {time_s}, machine "
             f"stalled {result.stall_s:.2f} s{again} {result.note}".rstrip(),
             markup=False,
             soft_wrap=True,
@@ -99,6 +110,10 @@ def run(args: argparse.Namespace) -> int:
     if args.markdown is not None:
         write_markdown(args.markdown, results, day)
     bad = [result for result in results if result.verdict in ("LATE", "WRONG")]
+    first = [result for result in results if result.first_failure]
+    for result in first:
+        console.print(f"first try of {result.platform} {result.name}: {result.first_failure}", markup=False)
+    console.print(f"rows that were not as they should be at their first try: {len(first)}")
     console.print(f"{len(jobs) - len(bad)} of {len(jobs)} as they should be" if jobs else "nothing to show")
     if args.json:
         print(json.dumps({"day": day, "faults": [dataclasses.asdict(result) for result in results]}))
@@ -111,48 +126,78 @@ def _jobs(args: argparse.Namespace) -> list[Job]:
     Raises:
         UsageError: no such robot, no such fault, or the Markdown file has no place for the table.
     """
-    from adatracker_deploy.faults.matrix import REFUSALS, ROWS, TIMING
+    from adatracker_deploy.faults.matrix import REFUSALS, TIMING
+    from adatracker_deploy.faults.phase_rows import all_rows
     from adatracker_deploy.faults.refusals import refuse
     from adatracker_deploy.faults.rehearse import rehearse
     from adatracker_deploy.faults.table import check_section
 
-    names = [*(row.fault for row in ROWS), *(refusal.name for refusal in REFUSALS)]
-    for name in args.fault or ():
-        if name not in names:
-            raise UsageError(f"--fault {name}: unknown to the matrix; known are {', '.join(sorted(names))}")
+    wanted = _wanted(args)
+    refusals = [refusal for refusal in REFUSALS if wanted(refusal.name, refusal.name, None)]
     if args.markdown is not None:
         check_section(args.markdown)
-    wanted = args.fault or names
     jobs: list[Job] = []
-    for platform, known in _robots(args):
+    for platform, known, flies in _robots(args):
         jobs += [
-            Job(partial(rehearse, row, platform, known[row.fault].says), platform, row.measure in TIMING)
-            for row in ROWS
-            if row.fault in wanted and row.fault in known
+            Job(partial(rehearse, row, platform, known[row.fault].says), row.measure in TIMING)
+            for row in all_rows(platform, flies=flies)
+            if row.fault in known and wanted(row.fault, row.name, row.phase)
         ]
-        jobs += [
-            Job(partial(refuse, refusal, platform), platform)
-            for refusal in REFUSALS
-            if refusal.name in wanted
-        ]
+        jobs += [Job(partial(refuse, refusal, platform)) for refusal in refusals]
     return jobs
 
 
+def _wanted(args: argparse.Namespace) -> Callable[[str, str, TrialPhase | None], bool]:
+    """Return what tells whether a row was asked for, by its fault, its own name and its phase.
+
+    Raises:
+        UsageError: no row bears a name that was asked for.
+    """
+    from adatracker_deploy.faults.matrix import REFUSALS, ROWS
+    from adatracker_deploy.faults.phase_rows import PHASE_ROWS
+
+    rows = (*ROWS, *PHASE_ROWS)
+    names = {*(row.fault for row in rows), *(row.name for row in rows), *(one.name for one in REFUSALS)}
+    for name in args.fault or ():
+        if name not in names:
+            faults = sorted(name for name in names if "@" not in name)
+            raise UsageError(f"--fault {name}: unknown to the matrix; known are {', '.join(faults)}")
+
+    def wanted(fault: str, name: str, phase: TrialPhase | None) -> bool:
+        named = not args.fault or fault in args.fault or name in args.fault
+        return named and (not args.phase or phase in args.phase)
+
+    return wanted
+
+
 def _absent(args: argparse.Namespace) -> list[Result]:
-    """Return a row for each fault that a robot cannot suffer, though another can."""
+    """Return a result for each cell that a robot has no row for, though another has, or may have."""
     from adatracker_deploy.faults.judge import Result
     from adatracker_deploy.faults.matrix import ROWS, absent
+    from adatracker_deploy.faults.phase_rows import PHASE_FAULTS, absent_in_phase, has_phase
 
-    return [
-        Result(platform=platform, fault=row.fault, says="", limit="", note=absent(platform, row.fault))
-        for platform, known in _robots(args)
-        for row in ROWS
-        if row.fault in (args.fault or [row.fault]) and row.fault not in known
-    ]
+    wanted, results = _wanted(args), []
+    for platform, known, flies in _robots(args):
+        cells = [(row.fault, TrialPhase.FOLLOWING) for row in ROWS]
+        cells += [
+            (fault, phase) for phase in ORDER for fault in PHASE_FAULTS if phase != TrialPhase.FOLLOWING
+        ]
+        for fault, phase in cells:
+            name = fault if phase == TrialPhase.FOLLOWING else f"{fault}@{phase}"
+            why = (
+                absent_in_phase(platform, fault, phase, flies=flies) if phase != TrialPhase.FOLLOWING else ""
+            )
+            if fault not in known and has_phase(phase, flies=flies):
+                why = absent(platform, fault)
+            if why and wanted(fault, name, phase):
+                results.append(
+                    Result(platform=platform, fault=fault, phase=phase, says="", limit="", note=why)
+                )
+    return results
 
 
-def _robots(args: argparse.Namespace) -> list[tuple[str, dict[str, Fault]]]:
-    """Return each robot that was asked for, or every one that can be measured, and what it can suffer.
+def _robots(args: argparse.Namespace) -> list[tuple[str, dict[str, Fault], bool]]:
+    """Return each robot that was asked for, or can be measured, what it can suffer, and whether it flies.
 
     Raises:
         UsageError: there is no such robot, or its far end takes no orders, to have a witness above all.
@@ -166,7 +211,7 @@ def _robots(args: argparse.Namespace) -> list[tuple[str, dict[str, Fault]]]:
         platform = load_platform(name)
         far_end = platform.sitl(load_profile(platform.default_profile, platform))
         if type(far_end).order is not Sitl.order:
-            robots.append((name, known_faults(far_end.faults)))
+            robots.append((name, known_faults(far_end.faults), "vz" in platform.axes))
         elif args.platform:
             raise UsageError(
                 f"platform {name}: its far end takes no orders, so nothing can be measured at it"
@@ -177,30 +222,32 @@ def _robots(args: argparse.Namespace) -> list[tuple[str, dict[str, Fault]]]:
 def _run_all(
     jobs: Sequence[Job], at_once: int, stalls: Stalls, tell: Callable[[Result], None]
 ) -> list[Result]:
-    """Run all rows, robots side by side; then alone those that must be, or went wrong beside another."""
+    """Run all rows, several side by side; then alone those that must be, or went wrong beside another."""
     results: dict[int, Result] = {}
+    failed: dict[int, Result] = {}
     ending = threading.Event()
 
-    def rehearse_one(platform: str) -> None:
-        for at, job in enumerate(jobs):
-            if job.platform != platform or job.alone or ending.is_set():
-                continue
-            result = _once(job, stalls)
-            if result.verdict == "ok":
-                results[at] = result
-                tell(result)
+    def rehearse_one(at: int) -> None:
+        if ending.is_set():
+            return
+        result = _once(jobs[at], stalls)
+        if result.verdict == "ok":
+            results[at] = result
+            tell(result)
+        else:
+            failed[at] = result
 
     if at_once > 1:
         with ThreadPoolExecutor(at_once) as pool:
-            robots = [pool.submit(rehearse_one, name) for name in dict.fromkeys(job.platform for job in jobs)]
+            beside = [pool.submit(rehearse_one, at) for at, job in enumerate(jobs) if not job.alone]
             try:
-                for robot in robots:
-                    robot.result()
+                for one in beside:
+                    one.result()
             finally:
                 ending.set()
     for at, job in enumerate(jobs):
         if at not in results:
-            results[at] = _until_calm(job, stalls)
+            results[at] = _until_calm(job, stalls, failed.get(at))
             tell(results[at])
     return [results[at] for at in range(len(jobs))]
 
@@ -210,14 +257,27 @@ def _once(job: Job, stalls: Stalls) -> Result:
         return job.run(stalls, Path(folder))
 
 
-def _until_calm(job: Job, stalls: Stalls) -> Result:
+def _until_calm(job: Job, stalls: Stalls, before: Result | None = None) -> Result:
     """Run a row, and once or twice more where the machine stood still while it went wrong.
 
     A row of timing is run again in any case: a robot that waits for a core, which no stall shows, is late
-    once, and what is wrong with a gate is wrong each time.
+    once, and what is wrong with a gate is wrong each time. How it first went wrong stays with the result.
+
+    Args:
+        job: the row.
+        stalls: watches the machine.
+        before: how it went wrong beside others.
     """
+    first = "" if before is None else f"beside others, {_told(before)}"
     for tries in range(1, TRIES + 1):
-        result = replace(_once(job, stalls), tries=tries)
+        result = replace(_once(job, stalls), tries=tries, first_failure=first)
         if result.verdict == "ok" or not (job.alone or result.stall_s >= STALLED_S):
             break
+        first = first or _told(result)
     return result
+
+
+def _told(result: Result) -> str:
+    value = "" if result.value_s is None else f" {result.value_s:.2f}"
+    stall = f", machine stalled {result.stall_s:.2f} s"
+    return f"{result.verdict}{value} (limit {result.limit}){stall}{': ' if result.note else ''}{result.note}"

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from adatracker_deploy.faults.schedule import Strike
     from adatracker_deploy.perception.segmenter import Segmenter
-    from adatracker_deploy.platform import Platform
+    from adatracker_deploy.platform import Platform, Sitl
     from adatracker_deploy.profile import Profile
     from adatracker_deploy.runtime.operator_stop import StopRequest
     from adatracker_deploy.runtime.running import Announcement
@@ -81,9 +81,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--fault",
         action="append",
         default=[],
-        metavar="NAME@S,...",
-        help="with --sitl: make this go wrong so many seconds after the first followed tick (docs/safety.md)",
+        metavar="NAME@WHEN,...",
+        help="with --sitl: make this go wrong so many seconds after the first followed tick, or in a phase "
+        "of the trial: PHASE, PHASE+SECONDS (docs/safety.md)",
     )
+    how.add_argument("--far-end", type=Path, help=argparse.SUPPRESS)  # the fault matrix's, still running
     view = parser.add_argument_group("what it sees")
     view.add_argument(
         "--camera",
@@ -298,6 +300,7 @@ def _plan(args: argparse.Namespace, name: str) -> TrialPlan:
         log_dir=args.log_dir,
         scheduling=scheduling,
         faults=faults,
+        far_end=_far_end(args, platform, profile),
     )
 
 
@@ -320,7 +323,16 @@ def _faults(args: argparse.Namespace, platform: type[Platform], profile: Profile
         raise UsageError("--fault counts in the machine's seconds: drop --speed")
     if args.camera:
         raise UsageError("--fault is for the simulated robot with its own camera: drop --camera")
-    return parse_schedule(args.fault, known_faults(platform.sitl(profile).faults))
+    known = known_faults(platform.sitl(profile).faults)
+    return parse_schedule(args.fault, known, flies="vz" in platform.axes)
+
+
+def _far_end(args: argparse.Namespace, platform: type[Platform], profile: Profile) -> Sitl | None:
+    if args.far_end is None or not args.sitl:
+        return None
+    from adatracker_deploy.faults.running_far_end import RunningFarEnd
+
+    return RunningFarEnd(args.far_end, platform, profile)
 
 
 def _segmenter(

@@ -1,29 +1,29 @@
 """Injects a schedule of faults into the rehearsal that runs in this process, each at its real place.
 
-Ours are struck here: parts that go wrong, signals to the tracker, the link and the log's writer, and what
-takes the processor's time. The others are ordered from the far end, whose place they are.
+Ours are struck here (`parts` that go wrong, `strikes`), the others are ordered from the far end, whose place
+they are. A thread waits for each fault's phase and time, so that it strikes whatever the trial does then.
 """
 
 from __future__ import annotations
 
 import contextlib
-import ctypes
+import math
 import os
-import resource
-import signal
-import subprocess
-import sys
 import threading
 import time
 from typing import TYPE_CHECKING
 
 from adatracker_deploy.faults.catalogue import OURS
+from adatracker_deploy.faults.interpreter import InterpreterWatch
 from adatracker_deploy.faults.parts import FaultyPolicy, FaultySegmenter, FrozenCamera, Switch
-from adatracker_deploy.faults.schedule import timeline
-from adatracker_deploy.faults.witness import FILE_NAME, Witness
+from adatracker_deploy.faults.phases import ENDING, IN_FLIGHT, TrialPhase
+from adatracker_deploy.faults.schedule import next_due
+from adatracker_deploy.faults.strikes import MENDS, STRIKES, Victims
+from adatracker_deploy.faults.take_off import TakeOff
+from adatracker_deploy.faults.witness import FILE_NAME, Witness, read_witness
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from pathlib import Path
 
     from adatracker_deploy.faults.catalogue import Fault
     from adatracker_deploy.faults.schedule import Strike
@@ -31,124 +31,225 @@ if TYPE_CHECKING:
     from adatracker_deploy.perception.segmenter import Segmenter
     from adatracker_deploy.platform import Sitl
     from adatracker_deploy.policy.base import Policy
-    from adatracker_deploy.runtime.clock import Clock
+    from adatracker_deploy.runtime.clock import MonotonicClock
     from adatracker_deploy.runtime.link_process import LinkProcess
     from adatracker_deploy.trial.log import TrialLog
 
 AFTERMATH_S = 1.0
 """How long the robot is watched after a fault is over: what was mended must resume nothing."""
-HOGS = 4
-PAUSE_S = 0.1
-"""A full collection of 600,000 objects takes 0.08 s."""
-_IN_PARTS = (
+_FIRST_WORDS = 1000
+IN_PARTS = (
     *("camera_freeze", "segmenter_stall", "segmenter_error"),
     *("policy_nan", "policy_inf", "policy_hang", "action_jump"),
 )
+assert {*STRIKES, *IN_PARTS} == {fault.name for fault in OURS}
 
 
 class Injection:
-    """One trial's faults; without any it does nothing at all.
+    """One trial's faults, and the witness of what they do.
 
     Args:
         strikes: what shall happen when.
         far_end: the simulated robot's, started.
         clock: the run's, at the machine's own pace.
+        log_dir: where the witness writes until the trial has a folder; one that exists already is kept.
     """
 
-    def __init__(self, strikes: tuple[Strike, ...], far_end: Sitl, clock: Clock) -> None:
-        self._moments = timeline(strikes)
-        self._far_end = far_end
-        self._clock = clock
-        self._switch = Switch(lambda name: self._note(name, begins=True))
+    def __init__(
+        self, strikes: tuple[Strike, ...], far_end: Sitl, clock: MonotonicClock, log_dir: Path
+    ) -> None:
+        self._to_come = list(strikes)
+        self._far_end, self._clock = far_end, clock
         self._theirs = {fault.name for fault in far_end.faults}
-        self._witness = Witness()
+        self._switch = Switch(lambda name: self._note(name, begins=True))
         self._log: TrialLog | None = None
         self._link: LinkProcess | None = None
-        self._ending = threading.Event()
-        self._began_s: float | None = None
+        self._untold: list[str] = []
+        """Said before there was a log."""
+        self._news = threading.Condition()
+        self._entered: dict[TrialPhase, float] = {}
+        """When each phase began, machine time."""
+        self._ongoing: dict[str, tuple[float, Strike]] = {}
+        """What has begun, and when it is over at the soonest; infinite while it is being struck."""
         self._struck_s: dict[str, float] = {}
         """When each fault last took effect, machine time."""
+        self._ended = False
+        self._own_file = None if far_end.witness else log_dir / f".{os.getpid()}-{time.monotonic_ns()}"
+        self._file = far_end.witness or self._new_file(log_dir)
+        self._witness = Witness(self._file)
+        self._witness.process("tracker")
+        self._interpreter = InterpreterWatch(self._witness.stood)
+        climbs = any(strike.phase in IN_FLIGHT for strike in strikes)
+        self._take_off = TakeOff(self._file, self.enter) if climbs else None
         self._thread = threading.Thread(target=self._run, name="faults", daemon=True)
+        self._thread.start()
 
     def camera(self, whole: Camera) -> Camera:
         """Return the camera, such that it can freeze; one that the far end carries freezes there."""
-        return FrozenCamera(whole, self._switch) if self._moments else whole
+        return FrozenCamera(whole, self._switch)
 
     def segmenter(self, whole: Segmenter) -> Segmenter:
         """Return the segmenter, such that it can go wrong."""
-        return FaultySegmenter(whole, self._switch) if self._moments else whole
+        return FaultySegmenter(whole, self._switch)
 
     def policy(self, whole: Policy) -> Policy:
         """Return the policy, such that it can go wrong."""
-        return FaultyPolicy(whole, self._switch) if self._moments else whole
+        return FaultyPolicy(whole, self._switch)
 
-    def attend(self, log: TrialLog, link: LinkProcess) -> None:
-        """Take note of whom to tell and whom to strike; the robot's witness begins to write."""
-        if not self._moments:
-            return
-        self._log, self._link = log, link
-        path = log.folder / FILE_NAME
-        self._witness = Witness(path)
-        self._far_end.order(f"witness {path.resolve()}")
+    def attend(self, log: TrialLog) -> None:
+        """Take note of whom to tell; the trial's folder has the witness from now on."""
+        self._log = log
+        with contextlib.suppress(OSError):  # a file system without hard links
+            (log.folder / FILE_NAME).hardlink_to(self._file)
+        for text in self._untold:
+            self._say(text)
 
-    def follow(self) -> None:
-        """Start to count, at the first followed tick; every later call does nothing."""
-        if self._moments and self._began_s is None:
-            self._began_s = time.monotonic()
-            self._thread.start()
+    def enter(self, name: str, link: LinkProcess | None = None) -> None:
+        """Take note that the trial has entered a phase; every later call for that phase does nothing."""
+        phase = TrialPhase(name)
+        with self._news:
+            if phase in self._entered:
+                return
+            if link is not None and self._link is None:
+                self._witness.process("link", link.pid)  # before it bears its name, too
+            self._link = link or self._link
+            self._witness.phase(phase)
+            self._entered[phase] = time.monotonic()
+            self._news.notify_all()
+        if phase is TrialPhase.ENGAGING and self._take_off is not None:
+            self._take_off.watch()
 
     def outlast(self) -> None:
-        """Begin no more faults, and return `AFTERMATH_S` after the last of those that last is over."""
-        if self._began_s is None or self._ending.is_set():
-            return
-        lasts = self._thread.is_alive() and any(moment.fault.lasts_s for moment in self._moments)
-        self._ending.set()
-        self._thread.join()
-        if lasts:
+        """Return `AFTERMATH_S` after the last fault is over that began before the trial's end and lasts.
+
+        What was to come before the trial's end does not come any more.
+        """
+        with self._news:
+            late = [strike for strike in self._to_come if strike.phase not in ENDING]
+            self._give_up(late)
+            lasted = self._news.wait_for(self._no_fault_lasts, 0)
+            self._news.wait_for(self._no_fault_lasts)
+        if not lasted:
             time.sleep(AFTERMATH_S)
+
+    def settle(self) -> None:
+        """Return when all that has begun is over; only what comes between two trials may still begin."""
+        with self._news:
+            self._give_up([strike for strike in self._to_come if strike.phase is not TrialPhase.BETWEEN])
+            self._news.wait_for(lambda: not self._ongoing)
 
     def close(self) -> None:
         """Leave nothing that is wrong, as far as it is ours; may be called twice."""
-        self.outlast()
+        self.settle()
+        with self._news:
+            if TrialPhase.BETWEEN not in self._entered:
+                self._give_up(list(self._to_come))
+            self._ended = True
+            self._news.notify_all()
+        self._thread.join()
+        self._interpreter.close()
+        if self._take_off is not None:
+            self._take_off.close()
         self._witness.close()
+        if self._own_file is not None:
+            self._own_file.unlink(missing_ok=True)
+
+    def _new_file(self, log_dir: Path) -> Path:
+        """Make a file of our own, and have the robot's witness write there too."""
+        assert self._own_file is not None
+        log_dir.mkdir(parents=True, exist_ok=True)
+        Witness(self._own_file).close()
+        self._far_end.order(f"witness {self._own_file.resolve()}")
+        return self._own_file
+
+    def _no_fault_lasts(self) -> bool:
+        return all(strike.phase in ENDING for _, strike in self._ongoing.values())
+
+    def _give_up(self, strikes: list[Strike]) -> None:
+        for strike in strikes:
+            self._to_come.remove(strike)
+            self._say(f"fault: {strike.fault.name} was not injected: the trial had ended")
+        self._news.notify_all()
 
     def _run(self) -> None:
-        assert self._began_s is not None
-        on: set[str] = set()
-        for moment in self._moments:
-            name, due_s = moment.fault.name, self._began_s + moment.at_s
-            if moment.begins:
-                if not self._ending.wait(max(0.0, due_s - time.monotonic())):
-                    on.add(name)
-                    self._begin(moment.fault)
+        while (moment := self._next()) is not None:
+            strike, begins = moment
+            began_s, name = time.monotonic(), strike.fault.name
+            if begins:
+                self._begin(strike.fault)
+            else:
+                self._end(strike.fault)
+            with self._news:
+                if begins and strike.fault.lasts_s:
+                    self._ongoing[name] = began_s + strike.fault.lasts_s, strike
                 else:
-                    self._say(f"fault: {name} was not injected: the trial had ended")
-            elif name in on:
-                over_s = self._struck_s.get(name, 0.0) + moment.fault.lasts_s  # however late it took effect
-                time.sleep(max(0.0, max(due_s, over_s) - time.monotonic()))
-                self._end(moment.fault)
+                    del self._ongoing[name]
+                self._news.notify_all()
+
+    def _next(self) -> tuple[Strike, bool] | None:
+        """Wait for what comes next; return it and whether it begins, or None when nothing will."""
+        with self._news:
+            while True:
+                now_s = time.monotonic()
+                begins = next_due(self._to_come, self._entered)
+                over_s, over = min(
+                    ((self._over_s(name), strike) for name, (_, strike) in self._ongoing.items()),
+                    key=lambda pair: pair[0],
+                    default=(math.inf, None),
+                )
+                if over is not None and over_s <= now_s:
+                    return over, False
+                if begins is not None and begins[0] <= now_s:
+                    self._to_come.remove(begins[1])
+                    self._ongoing[begins[1].fault.name] = math.inf, begins[1]
+                    return begins[1], True
+                if self._ended and over is None and begins is None:
+                    return None
+                due_s = min(over_s, begins[0] if begins is not None else math.inf)
+                self._news.wait(due_s - now_s if due_s < math.inf else None)
+
+    def _over_s(self, name: str) -> float:
+        """Return when a fault is over: a part's lasts from when it took effect, however late."""
+        at_least_s, strike = self._ongoing[name]
+        return max(at_least_s, self._struck_s.get(name, 0.0) + strike.fault.lasts_s)
 
     def _begin(self, fault: Fault) -> None:
         name = fault.name
         if name in self._theirs:
             self._note(name, begins=True)
             self._far_end.order(f"begin {name}")
-        elif name in _IN_PARTS:
+        elif name in IN_PARTS:
             self._switch.begin(name)  # which notes it when it takes effect
         else:
+            victims = self._victims()
             self._note(name, begins=True)
             with contextlib.suppress(ProcessLookupError):  # it has ended by itself
-                _STRIKES[name](self, fault)
+                STRIKES[name](victims, fault)
 
     def _end(self, fault: Fault) -> None:
         name = fault.name
         if name in self._theirs:
             self._far_end.order(f"end {name}")
         self._switch.end(name)
-        if name == "link_stop" and self._link is not None:
+        if name in MENDS:
             with contextlib.suppress(ProcessLookupError):
-                os.kill(self._link.pid, signal.SIGCONT)
+                MENDS[name](self._victims())
         self._note(name, begins=False)
+
+    def _victims(self) -> Victims:
+        log, link = self._log, self._link
+        return Victims(
+            link=link.pid if link is not None else 0,
+            robot=self._robot(),
+            log_writer=log.writer_pid if log is not None else 0,
+            log_part=log.folder / "trial.mcap.part" if log is not None else None,
+            pause=self._clock.pause,
+        )
+
+    def _robot(self) -> int:
+        """Return the robot's process, which is the first thing that its witness writes; 0 if it has not."""
+        with self._file.open() as file:
+            return read_witness(file.read(_FIRST_WORDS)).process("robot") or 0
 
     def _note(self, name: str, *, begins: bool) -> None:
         """Write it down, before anything happens of which nobody could tell any more."""
@@ -158,44 +259,7 @@ class Injection:
         self._say(f"fault: {name} {'begins' if begins else 'is over'}")
 
     def _say(self, text: str) -> None:
-        if self._log is not None:
-            self._log.event("warning", text, self._clock.now_ns())
-
-    def _stop_tracker(self, fault: Fault) -> None:
-        me = os.getpid()
-        subprocess.Popen(["/bin/sh", "-c", f"sleep {fault.lasts_s:g}; kill -CONT {me}"])
-        os.kill(me, signal.SIGSTOP)
-
-    def _strike_link(self, number: signal.Signals) -> None:
-        if self._link is not None and self._link.pid:
-            os.kill(self._link.pid, number)
-
-    def _hog(self, fault: Fault) -> None:
-        burn = f"import time\nend = time.monotonic() + {fault.lasts_s:g}\nwhile time.monotonic() < end: pass"
-        for _ in range(HOGS):
-            subprocess.Popen([sys.executable, "-c", burn])
-
-    def _pause(self) -> None:
-        """Keep the interpreter's lock, as a full collection does, but for a known time on any machine."""
-        ctypes.PyDLL(None).usleep(round(PAUSE_S * 1e6))
-
-    def _fill_disk(self) -> None:
         if self._log is None:
-            return
-        part = self._log.folder / "trial.mcap.part"
-        full_bytes = part.stat().st_size
-        resource.prlimit(self._log.writer_pid, resource.RLIMIT_FSIZE, (full_bytes, full_bytes))
-
-
-_STRIKES: dict[str, Callable[[Injection, Fault], None]] = {
-    "tracker_stop": Injection._stop_tracker,
-    "tracker_kill": lambda _, __: os.kill(os.getpid(), signal.SIGKILL),
-    "link_stop": lambda self, _: self._strike_link(signal.SIGSTOP),
-    "link_kill": lambda self, _: self._strike_link(signal.SIGKILL),
-    "interrupt": lambda _, __: os.kill(os.getpid(), signal.SIGINT),
-    "terminate": lambda _, __: os.kill(os.getpid(), signal.SIGTERM),
-    "cpu_hogs": Injection._hog,
-    "gc_pause": lambda self, _: self._pause(),
-    "disk_full": lambda self, _: self._fill_disk(),
-}
-assert {*_STRIKES, *_IN_PARTS} == {fault.name for fault in OURS}
+            self._untold.append(text)
+        else:
+            self._log.event("warning", text, self._clock.now_ns())

@@ -1,13 +1,20 @@
-"""Compares what happened with what is allowed. Pure: evidence in, a verdict out."""
+"""Compares what happened with what is allowed. Pure: evidence in, a verdict out.
+
+A verdict is never vacuous: the fault must have taken effect in its phase, the robot must have moved where it
+should, and the run must have ended for the reason that was expected.
+"""
 
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Literal
 
+from adatracker_deploy.faults.evidence import Evidence, without_effect
 from adatracker_deploy.faults.matrix import SLOT_S
+from adatracker_deploy.faults.phases import TrialPhase
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -15,38 +22,25 @@ if TYPE_CHECKING:
     from adatracker_deploy.faults.matrix import Measure, Row
     from adatracker_deploy.faults.witness import Account, Told
 
-MOVED_S = 0.1
-"""A robot that was not told to move for so long before the onset stood already: that shows nothing."""
+__all__ = ["Evidence", "Result", "Verdict", "judge", "limit_of"]
+
+MOVING_M_S = 0.3
+"""Faster than this a robot moves, whether it flies or not: its stop shows something."""
 STILL_M_S = {True: 0.3, False: 0.05}
 """Slower than this a robot stands, by whether it flies: a drone that hovers in wind is never quite still."""
+CLIMBS_M_S = 0.2
+"""Faster upwards than this is no wind and no estimate's error."""
+LANDED_M = 0.2
+AWAKE_S = 0.2
+"""What reaches the robot so long after the processes were stopped was sent by one that has woken."""
 JITTER_S = 0.05
 """By how much two commands may be further apart, or nearer, than they were sent."""
 GAPS_S = 0.5
 """Before and after the onset, in which gaps between commands are looked at."""
 
 Verdict = Literal["ok", "LATE", "WRONG", "not shown"]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Evidence:
-    """What a row left."""
-
-    account: Account
-    status: int | None
-    """The command's exit status; None when it had to be killed."""
-    outcome: str
-    """Of the trial; empty when it could not say."""
-    reason: str = ""
-    latched_s: float | None = None
-    """From the onset until the link's stop, by its own clock; None when it latched none."""
-    tick_gaps_s: tuple[float, ...] = ()
-    """Between the loop's ticks, from the onset on."""
-    log_trouble: bool = False
-    """The run said that its log is not whole."""
-    log_whole: bool = True
-    """It is: the log has its end."""
-    exit_s: float = 0.0
-    """From the onset until the command had ended."""
+_STOPS: frozenset[Measure] = frozenset({"told", "latched", "stands", "quiet", "woken", "climbs"})
+"""Measures that are a time which must not be longer."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,6 +52,8 @@ class Result:
     says: str
     limit: str
     """What is allowed, in few words."""
+    phase: str = TrialPhase.FOLLOWING
+    variant: str = ""
     why: str = ""
     """What the limit is made of, where it is no round promise."""
     value_s: float | None = None
@@ -67,12 +63,28 @@ class Result:
     latched_s: float | None = None
     stands_s: float | None = None
     """From the onset until the robot's true speed has fallen for good."""
+    onset_m_s: float | None = None
+    """The robot's true speed at the onset."""
     stall_s: float = 0.0
     """The machine's own longest stall about the onset."""
     outcome: str = ""
+    reason: str = ""
+    """What the run said of its end."""
+    noticed: str = ""
+    """Who noticed first: tracker, link or robot."""
+    again: str = ""
+    """What a second run did, right after and with the same robot; empty where there was none."""
     verdict: Verdict = "not shown"
     note: str = ""
     tries: int = 1
+    first_failure: str = ""
+    """How the first try went wrong, of a row that was run again."""
+
+    @property
+    def name(self) -> str:
+        """The row's, as ``--fault`` of the matrix takes it."""
+        of_phase = "" if self.phase == TrialPhase.FOLLOWING else f"@{self.phase}{self.variant}"
+        return f"{self.fault}{of_phase}"
 
 
 def judge(
@@ -88,39 +100,48 @@ def judge(
         flies: the robot does: it hovers where others stand, and lands before the command ends.
         accel_m_s2: the largest acceleration that the profile allows.
     """
-    limit_s, onset_ns = row.limit_of(platform), evidence.account.onset_ns(row.fault)
+    account, limit_s = evidence.account, row.limit_of(platform)
+    onset_ns = account.onset_ns(row.fault)
     result = Result(
         platform=platform,
         fault=row.fault,
+        phase=row.phase,
+        variant=row.variant,
         says=says,
-        limit=_limit(row, limit_s),
+        limit=limit_of(row, platform),
         why=row.why,
         outcome=evidence.outcome or "killed",
+        reason=evidence.reason,
+        noticed=evidence.noticed,
         verdict="WRONG",
-        note=_shows_nothing(row, evidence, onset_ns),
     )
     if onset_ns is None:
-        return result
-    commands, speeds = evidence.account.commands, evidence.account.speeds
-    told_s = _since(onset_ns, (told.t_ns for told in commands if told.moves))
-    stands_s = _since(onset_ns, (t_ns for t_ns, speed in speeds if speed > STILL_M_S[flies]))
+        return replace(result, note=f"it ended before: {evidence.reason or evidence.outcome or 'no word'}")
+    told_s = _since(onset_ns, (told.t_ns for told in account.commands if told.moves))
+    stands_s = _since(onset_ns, (t_ns for t_ns, speed in account.speeds if speed > STILL_M_S[flies]))
     measures: dict[Measure, Callable[[], tuple[float | None, str]]] = {
         "told": lambda: (told_s, ""),
         "stands": lambda: (stands_s, ""),
         "latched": lambda: (evidence.latched_s, ""),
+        "quiet": lambda: (_quiet(account, row.fault, onset_ns), ""),
+        "woken": lambda: (_woken(evidence, onset_ns), ""),
+        "climbs": lambda: (_climbs(account, onset_ns), ""),
         "log": lambda: (0.0 if evidence.log_trouble else None, "" if evidence.log_trouble else "untold"),
-        "gap": lambda: _gap(commands, onset_ns),
-        "burst": lambda: _burst(evidence.tick_gaps_s),
-        "acceleration": lambda: (round(_acceleration(commands, onset_ns) / accel_m_s2, 2), ""),
+        "gap": lambda: _gap(account.commands, onset_ns),
+        "burst": lambda: _burst(evidence, onset_ns),
+        "acceleration": lambda: (round(_acceleration(account.commands, onset_ns) / accel_m_s2, 2), ""),
     }
     value_s, note = measures[row.measure]()
-    stops = row.measure in ("told", "latched", "stands")
+    stops = row.measure in _STOPS
     result = replace(
         result,
         value_s=value_s,
         told_s=told_s if stops else None,
         latched_s=evidence.latched_s if stops else None,
         stands_s=stands_s if stops else None,
+        onset_m_s=account.speed_at(onset_ns),
+        note=_shows_nothing(row, evidence, onset_ns)
+        or _not_as_it_should(row, evidence, onset_ns, flies=flies),
     )
     if result.note:
         return result
@@ -130,19 +151,58 @@ def judge(
     return replace(result, verdict="ok" if fits else "LATE" if stops else "WRONG", note=note)
 
 
-def _shows_nothing(row: Row, evidence: Evidence, onset_ns: int | None) -> str:
-    """Say why the evidence shows nothing, or something else; empty when it is of a stop like the row's."""
-    if onset_ns is None:
-        return f"it ended before: {evidence.reason or evidence.outcome or 'no word'}"
-    if not _moved(evidence.account.commands, onset_ns):
-        return "the robot was not moving at the onset"
-    if evidence.outcome not in row.endings:
-        return f"ended as {evidence.outcome or 'nothing'}: {evidence.reason}"
-    if not evidence.account.off:
-        return "the robot was not seen to come to rest"
-    if row.measure != "log" and not evidence.log_whole:
-        return "the log is not whole"
-    return ""
+def _shows_nothing(row: Row, evidence: Evidence, onset_ns: int) -> str:
+    """Say why the evidence shows nothing; empty when it is of the row's fault, in its phase, at speed."""
+    phase = evidence.account.phase_at(onset_ns)
+    if phase != row.phase:
+        return f"it struck while {phase or 'nothing was on'}"
+    speed_m_s = evidence.account.speed_at(onset_ns)
+    if row.moves and speed_m_s < MOVING_M_S:
+        return f"the robot was not moving at the onset: {speed_m_s:.2f} m/s"
+    return without_effect(row.fault, evidence, onset_ns)
+
+
+def _not_as_it_should(row: Row, evidence: Evidence, onset_ns: int, *, flies: bool) -> str:
+    """Say what came otherwise than it must, besides being late; empty when nothing did."""
+    account, reason = evidence.account, evidence.reason
+    engaged = any(began_ns > onset_ns for began_ns, phase in account.phases if phase == TrialPhase.ENGAGING)
+    offboard_s = _offboard_after_s(account, onset_ns) if flies and row.stops else None
+    allowed_s = row.limit_s if row.measure == "climbs" else 0.0
+    height_m = account.flight[-1].height_m if account.flight else 0.0
+    found = (
+        (evidence.outcome not in row.endings, f"ended as {evidence.outcome or 'nothing'}: {reason}"),
+        (not re.search(row.words, reason, re.IGNORECASE), f"another reason was given: {reason or 'none'}"),
+        (row.ends_run and engaged, "another trial was engaged after it"),
+        ((offboard_s or 0.0) > allowed_s, f"OFFBOARD {offboard_s or 0:.1f} s after it"),
+        (row.lands and not account.off, "the robot was not seen to come to rest"),
+        (row.lands and height_m > LANDED_M, f"not landed: {height_m:.1f} m high"),
+        (row.measure != "log" and not evidence.log_whole, "the log is not whole"),
+    )
+    return next((words for is_so, words in found if is_so), "")
+
+
+def _offboard_after_s(account: Account, onset_ns: int) -> float | None:
+    """Return when a drone last entered OFFBOARD after an onset, s; None if it did not."""
+    entered = [t_ns for t_ns, mode, _ in account.modes if mode == "OFFBOARD" and t_ns > onset_ns]
+    return (entered[-1] - onset_ns) / 1e9 if entered else None
+
+
+def _quiet(account: Account, fault: str, onset_ns: int) -> float:
+    over_ns = account.over_ns(fault) or math.inf
+    return _since(onset_ns, (told.t_ns for told in account.commands if told.moves and told.t_ns < over_ns))
+
+
+def _woken(evidence: Evidence, onset_ns: int) -> float | None:
+    """Return the time from waking to the last moving command, s; None if nobody was seen to sleep."""
+    stopped_ns = evidence.seen.first("link", "stopped", onset_ns, onset_ns + 2_000_000_000)
+    if stopped_ns is None:
+        return None
+    awake_ns = stopped_ns + round(AWAKE_S * 1e9)
+    return _since(awake_ns, (told.t_ns for told in evidence.account.commands if told.moves))
+
+
+def _climbs(account: Account, onset_ns: int) -> float:
+    return _since(onset_ns, (moment.t_ns for moment in account.flight if moment.up_m_s > CLIMBS_M_S))
 
 
 def _gap(commands: tuple[Told, ...], onset_ns: int) -> tuple[float, str]:
@@ -158,8 +218,10 @@ def _gap(commands: tuple[Told, ...], onset_ns: int) -> tuple[float, str]:
     return gap_s - SLOT_S, f"commands at most {gap_s * 1e3:.0f} ms apart, {before_s * 1e3:.0f} ms before it"
 
 
-def _burst(gaps_s: tuple[float, ...]) -> tuple[float | None, str]:
+def _burst(evidence: Evidence, onset_ns: int) -> tuple[float | None, str]:
     """Return the smallest gap between two ticks as a share of the period."""
+    times_ns = [tick.t_ns for tick in evidence.ticks if tick.t_ns > onset_ns]
+    gaps_s = [(later - earlier) / 1e9 for earlier, later in pairwise(times_ns)]
     if not gaps_s:
         return None, "no tick followed"
     period_s = sorted(gaps_s)[len(gaps_s) // 2]
@@ -182,25 +244,20 @@ def _acceleration(commands: tuple[Told, ...], onset_ns: int) -> float:
     return largest
 
 
-def _moved(commands: tuple[Told, ...], onset_ns: int) -> bool:
-    return any(told.moves and 0 <= onset_ns - told.t_ns < MOVED_S * 1e9 for told in commands)
-
-
 def _since(onset_ns: int, times_ns: Iterable[int]) -> float:
     """Return the seconds from the onset to the last of these times; 0 if all are before."""
     return max(0.0, (max(times_ns, default=onset_ns) - onset_ns) / 1e9)
 
 
-def _limit(row: Row, limit_s: float) -> str:
-    """Say what is allowed, in few words."""
-    match row.measure:
-        case "told" | "latched" | "stands":
-            return f"{row.measure} {limit_s:g} s"
-        case "gap":
-            return "gate 10 ms"
-        case "burst":
-            return "no burst"
-        case "acceleration":
-            return "accelerates"
-        case "log":
-            return "goes on"
+def limit_of(row: Row, platform: str) -> str:
+    """Say what a platform is allowed, in few words."""
+    return _GOES_ON.get(row.measure, f"{row.measure} {row.limit_of(platform):g} s")
+
+
+_GOES_ON: dict[Measure, str] = {
+    "gap": "gate 10 ms",
+    "burst": "no burst",
+    "acceleration": "accelerates",
+    "log": "goes on",
+}
+"""What is allowed where the robot goes on."""

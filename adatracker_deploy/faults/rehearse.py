@@ -3,40 +3,53 @@
 from __future__ import annotations
 
 import contextlib
-import itertools
-import json
+import os
+import signal
 import subprocess
 import sys
 import time
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.faults.judge import Evidence, Result, judge
-from adatracker_deploy.faults.witness import FILE_NAME, Account, read_witness
-from adatracker_deploy.platform import load_platform
-from adatracker_deploy.profile import load_profile
-from adatracker_deploy.trial.reader import find_trials, read_trial
+import yaml
+
+from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.faults.gather import gather, said
+from adatracker_deploy.faults.judge import LANDED_M, STILL_M_S, Result, judge, limit_of
+from adatracker_deploy.faults.phases import TrialPhase
+from adatracker_deploy.faults.running_far_end import serving
+from adatracker_deploy.faults.watch import Watch
+from adatracker_deploy.faults.witness import Account, read_witness
+from adatracker_deploy.platform import Scenario, load_platform
+from adatracker_deploy.profile import load_profile, profile_dir
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
+    from typing import Any
 
     from adatracker_deploy.faults.matrix import Row
     from adatracker_deploy.faults.stalls import Stalls
+    from adatracker_deploy.platform import Platform
+    from adatracker_deploy.profile import Profile
 
 COMMAND = (sys.executable, "-m", "adatracker_deploy")
-AT_S = 3.0
-"""When a fault begins: the person walks, and the robot has come up to speed."""
 GOES_ON_S = 4.0
 """How long a trial goes on after a fault that should not stop it."""
+FEW_STEPS_S = 2.0
+"""Of a trial whose fault strikes before it follows, or as it ends at full speed."""
 SEED = 3
 TIMEOUT_S = 120.0
 """For a whole row, a drone's take-off and landing with it."""
 REST_S = 30.0
-"""For a robot whose tracker was killed to come to rest, and its far end to say so."""
+"""For a robot whose tracker was killed to come to rest."""
+RESTED_S = 0.3
+"""So long a robot must have stood, to have come to rest."""
 POLL_S = 0.05
 STALL_BEFORE_S, STALL_AFTER_S = 0.3, 1.0
 """About the onset: where a stall of the machine's could be taken for a late stop."""
+_AGAIN = ("--steps", "3", "--fault", f"interrupt@{TrialPhase.LOOKING}")
+"""A second run shows that the robot is engaged again; the person may have walked away by then."""
 
 
 def rehearse(row: Row, platform_name: str, says: str, stalls: Stalls, folder: Path) -> Result:
@@ -49,28 +62,49 @@ def rehearse(row: Row, platform_name: str, says: str, stalls: Stalls, folder: Pa
         stalls: watches the machine meanwhile.
         folder: for the trial's log.
     """
-    platform = load_platform(platform_name)
-    profile = load_profile(platform.default_profile, platform)
-    steps = round((AT_S + GOES_ON_S) * _rate_hz())
-    began_ns = time.monotonic_ns()
-    done = run_command(
-        *("--platform", platform_name, "--sitl", "--fault", f"{row.fault}@{AT_S:g}", "--steps", str(steps)),
-        *("--seed", str(SEED), "--segmenter", "truth", "--json", "--log-dir", str(folder)),
-    )
-    ended_ns = time.monotonic_ns()
-    evidence = _evidence(row, done, folder)
-    struck_ns = evidence.account.onset_ns(row.fault)
-    if struck_ns is not None:
-        evidence = replace(evidence, exit_s=(ended_ns - struck_ns) / 1e9)
-    result = judge(
-        row,
-        platform_name,
-        says,
-        evidence,
-        flies="vz" in platform.axes,
-        accel_m_s2=profile.limits.accel_m_s2,
-    )
+    try:
+        return _rehearse(row, platform_name, says, stalls, folder)
+    except PlatformError as error:  # the far end did not come up: one row's failure is not the others'
+        return Result(
+            platform=platform_name,
+            fault=row.fault,
+            phase=row.phase,
+            variant=row.variant,
+            says=says,
+            limit=limit_of(row, platform_name),
+            verdict="WRONG",
+            note=str(error),
+        )
+
+
+def _rehearse(row: Row, platform_name: str, says: str, stalls: Stalls, folder: Path) -> Result:
+    platform, flies = load_platform(platform_name), "vz" in load_platform(platform_name).axes
+    profile_arguments, profile = _profile(platform, row.changes, folder)
+    began_ns, again = time.monotonic_ns(), ""
+    with serving(platform, profile, Scenario(seed=SEED), folder) as (far_end, witness):
+        common = (
+            *("--platform", platform_name, "--sitl", "--far-end", str(far_end), *profile_arguments),
+            *("--seed", str(SEED), "--segmenter", "truth", "--json", "--log-dir", str(folder / "trials")),
+        )
+        process = _start(*common, *_struck(row))
+        with Watch(process.pid, witness) as watch:
+            done = _finish(process)
+            ended_ns = time.monotonic_ns()
+            _await_rest(watch, witness, flies=flies, lands=row.lands)
+        evidence = gather(row, done, watch, folder / "trials", read_witness(witness.read_text()))
+        if row.again:
+            again = _second_run(_finish(_start(*common, *_AGAIN)), witness, since_ns=ended_ns)
+        if not row.lands:
+            _switch_off(evidence.account)  # it hovers, and would for a minute
+    evidence = replace(evidence, account=replace(evidence.account, off=read_witness(witness.read_text()).off))
     onset_ns = evidence.account.onset_ns(row.fault)
+    if onset_ns is not None:
+        evidence = replace(evidence, exit_s=(ended_ns - onset_ns) / 1e9)
+    accel_m_s2 = profile.limits.accel_m_s2
+    result = judge(row, platform_name, says, evidence, flies=flies, accel_m_s2=accel_m_s2)
+    result = replace(result, again=again)
+    if "Traceback" in again and result.verdict == "ok":
+        result = replace(result, verdict="WRONG", note=f"a second run failed: {again}")
     until_ns = (onset_ns or time.monotonic_ns()) + round(
         (STALL_AFTER_S + min(result.told_s or 0.0, 2.0)) * 1e9
     )
@@ -80,60 +114,96 @@ def rehearse(row: Row, platform_name: str, says: str, stalls: Stalls, folder: Pa
 
 def run_command(*arguments: str) -> subprocess.CompletedProcess[str]:
     """Run the toolkit's own command to its end; -1 is the exit status of one that had to be killed."""
-    try:
-        return subprocess.run(
-            [*COMMAND, *arguments],
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            text=True,
-            timeout=TIMEOUT_S,
-            check=False,
-        )
-    except subprocess.TimeoutExpired:
-        return subprocess.CompletedProcess(arguments, -1, "", f"did not end within {TIMEOUT_S:g} s")
+    return _finish(_start(*arguments))
 
 
-def _evidence(row: Row, done: subprocess.CompletedProcess[str], folder: Path) -> Evidence:
-    summary = {}
-    with contextlib.suppress(IndexError, ValueError):
-        summary = json.loads(done.stdout.strip().splitlines()[-1])
-    try:
-        (trial,) = {path if path.is_dir() else path.parent for path in find_trials(folder)}
-    except (UsageError, ValueError):
-        reason = " ".join(done.stderr.split())[-200:]
-        return Evidence(account=Account(), status=done.returncode, outcome="", reason=reason)
-    account = _account(trial / FILE_NAME)
-    logged = read_trial(trial)
-    begins = [
-        event.wall_ns for event in logged.events if event.message.startswith(f"fault: {row.fault} begins")
-    ]
-    stops = [
-        event.wall_ns
-        for event in logged.events
-        if event.message.startswith(("holding: ", "disengaging: ")) and event.wall_ns > min(begins, default=0)
-    ]
-    onset_ns = account.onset_ns(row.fault)
-    ticks = [step.t_ns for step in logged.steps if onset_ns is not None and step.t_ns > onset_ns]
-    return Evidence(
-        account=account,
-        status=done.returncode,
-        outcome=summary.get("outcome", ""),
-        reason=summary.get("reason", ""),
-        latched_s=(min(stops) - begins[0]) / 1e9 if stops and begins else None,
-        tick_gaps_s=tuple((b - a) / 1e9 for a, b in itertools.pairwise(ticks)),
-        log_trouble="the log is not whole" in done.stderr,
-        log_whole=logged.complete,
+def _start(*arguments: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [*COMMAND, *arguments],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     )
 
 
-def _account(path: Path) -> Account:
-    """Return what the witness wrote, once its robot is at rest."""
+def _finish(process: subprocess.Popen[str]) -> subprocess.CompletedProcess[str]:
+    try:
+        out, err = process.communicate(timeout=TIMEOUT_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.communicate()
+        return subprocess.CompletedProcess(process.args, -1, "", f"did not end within {TIMEOUT_S:g} s")
+    return subprocess.CompletedProcess(process.args, process.returncode, out, err)
+
+
+def _struck(row: Row) -> tuple[str, ...]:
+    """Return what asks for the row's fault."""
+    following = row.phase is TrialPhase.FOLLOWING
+    seconds = row.after_s + GOES_ON_S if following else FEW_STEPS_S
+    when = f"{row.after_s:g}" if following else f"{row.phase}+{row.after_s:g}"
+    return (
+        *("--fault", f"{row.fault}@{when}", "--steps", str(round(seconds * _rate_hz()))),
+        *("--trials", str(row.trials)),
+    )
+
+
+def _profile(
+    platform: type[Platform], changes: Mapping[str, Mapping[str, Any]] | None, folder: Path
+) -> tuple[tuple[str, ...], Profile]:
+    """Return what names the row's profile, and the profile at a port of its own."""
+    arguments: tuple[str, ...] = ()
+    name = platform.default_profile
+    if changes:
+        document = yaml.safe_load(((platform.profile_dir or profile_dir()) / f"{name}.yaml").read_text())
+        for section, values in changes.items():
+            document.setdefault(section, {}).update(values)
+        path = folder / "profile.yaml"
+        path.write_text(yaml.safe_dump(document))
+        arguments, name = ("--profile", str(path)), str(path)
+    profile = load_profile(name, platform)
+    url = getattr(
+        profile.connection, "url", ""
+    )  # a UDP port; the other robots' far ends take free ones anyway
+    if url.startswith("udpin://127.0.0.1:"):
+        profile = replace(profile, connection=replace(profile.connection, url="udpin://127.0.0.1:0"))
+    return arguments, profile
+
+
+def _await_rest(watch: Watch, witness: Path, *, flies: bool, lands: bool) -> None:
+    """Wait, `REST_S` at most, until the robot stands and nobody commands it any more."""
     end_s = time.monotonic() + REST_S
-    while True:
-        account = read_witness(path.read_text()) if path.exists() else Account()
-        if account.off or time.monotonic() > end_s:
-            return account
+    while time.monotonic() < end_s:
+        account = read_witness(witness.read_text())
+        if not watch.link_lives and _rests(account, flies=flies, lands=lands):
+            return
         time.sleep(POLL_S)
+
+
+def _rests(account: Account, *, flies: bool, lands: bool) -> bool:
+    """Tell whether a robot has come to rest, and stood for a moment. Pure."""
+    if not account.speeds:
+        return False
+    since_ns = account.speeds[-1][0] - round(RESTED_S * 1e9)
+    still = all(speed <= STILL_M_S[flies] for t_ns, speed in account.speeds if t_ns >= since_ns)
+    landed = not account.flight or account.flight[-1].height_m <= LANDED_M
+    disarmed = not account.modes or not account.modes[-1][2]
+    return still and (not lands or (landed and disarmed))
+
+
+def _switch_off(account: Account) -> None:
+    robot = account.process("robot")
+    if robot is not None:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(robot, signal.SIGKILL)
+
+
+def _second_run(done: subprocess.CompletedProcess[str], witness: Path, since_ns: int) -> str:
+    """Say what a second run did with the robot as the first had left it."""
+    account = read_witness(witness.read_text())
+    if any(t_ns > since_ns for t_ns, phase in account.phases if phase == TrialPhase.LOOKING):
+        return "engages again"
+    return f"refuses: {said(done)}"
 
 
 def _rate_hz() -> float:

@@ -1,4 +1,4 @@
-"""What is to go wrong when: ``camera_freeze@5,link_drop@8``, read, checked and put in order. Pure."""
+"""What is to go wrong when: ``camera_freeze@5,interrupt@climbing``, read, checked and put in order. Pure."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from adatracker_deploy.errors import UsageError
+from adatracker_deploy.faults.phases import IN_FLIGHT, ORDER, TrialPhase
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -14,7 +15,8 @@ if TYPE_CHECKING:
     from adatracker_deploy.faults.catalogue import Fault
 
 LATEST_S = 3600.0
-_STRIKE = re.compile(r"([A-Za-z_0-9]+)@(\d{1,5}(?:\.\d{1,3})?)", re.ASCII)
+_SECONDS = r"\d{1,5}(?:\.\d{1,3})?"
+_STRIKE = re.compile(rf"([A-Za-z_0-9]+)@(?:({_SECONDS})|([a-z]+)(?:\+({_SECONDS}))?)", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,63 +24,74 @@ class Strike:
     """One fault at one time."""
 
     fault: Fault
-    at_s: float
-    """Machine time after the first followed tick."""
+    at_s: float = 0.0
+    """Machine time after its phase has begun; FOLLOWING begins with the first followed tick."""
+    phase: TrialPhase = TrialPhase.FOLLOWING
 
     @property
     def over_s(self) -> float:
-        """When it is over, s after the first followed tick; `at_s` for what happens once, or stays."""
+        """When it is over, s after its phase has begun; `at_s` for what happens once, or stays."""
         return self.at_s + self.fault.lasts_s
 
-
-@dataclass(frozen=True, slots=True)
-class Moment:
-    """A fault begins, or ends."""
-
-    at_s: float
-    fault: Fault
-    begins: bool
+    def __str__(self) -> str:
+        """Return it as ``--fault`` takes it."""
+        if self.phase is TrialPhase.FOLLOWING:
+            return f"{self.fault.name}@{self.at_s:g}"
+        return f"{self.fault.name}@{self.phase}" + (f"+{self.at_s:g}" if self.at_s else "")
 
 
-def parse_schedule(texts: Iterable[str], known: Mapping[str, Fault]) -> tuple[Strike, ...]:
-    """Read what ``--fault`` was given, several in one text or in many; return it sorted by time.
+def parse_schedule(
+    texts: Iterable[str], known: Mapping[str, Fault], *, flies: bool = False
+) -> tuple[Strike, ...]:
+    """Read what ``--fault`` was given, several in one text or in many; return it in the order of a trial.
 
     Args:
-        texts: each ``NAME@SECONDS``, or several with commas between them.
+        texts: each ``NAME@SECONDS`` after the first followed tick, ``NAME@PHASE`` or ``NAME@PHASE+SECONDS``,
+            or several with commas between them.
         known: what can be injected into this rehearsal, by name.
+        flies: the robot does, and so has the phases of a climb.
 
     Raises:
-        UsageError: a text is none, a fault is unknown here, or begins while it lasts.
+        UsageError: a text is none, a fault or phase is unknown here, or a fault begins while it lasts.
     """
+    phases = [phase for phase in ORDER if flies or phase not in IN_FLIGHT]
     strikes = sorted(
-        (_strike(part.strip(), known) for text in texts for part in text.split(",")),
-        key=lambda strike: strike.at_s,
+        (_strike(part.strip(), known, phases) for text in texts for part in text.split(",")),
+        key=lambda strike: (ORDER.index(strike.phase), strike.at_s),
     )
-    ends: dict[str, float] = {}
+    ends: dict[tuple[str, TrialPhase], float] = {}
     for strike in strikes:
-        name = strike.fault.name
-        if strike.at_s <= ends.get(name, -1.0):
-            raise UsageError(f"--fault {name}@{strike.at_s:g}: it lasts until {ends[name]:g} s from before")
-        ends[name] = strike.over_s if strike.fault.lasts_s else LATEST_S
+        key = strike.fault.name, strike.phase
+        if strike.at_s <= ends.get(key, -1.0):
+            raise UsageError(f"--fault {strike}: it lasts until {ends[key]:g} s from before")
+        ends[key] = strike.over_s if strike.fault.lasts_s else LATEST_S
     return tuple(strikes)
 
 
-def timeline(strikes: Iterable[Strike]) -> tuple[Moment, ...]:
-    """Return all beginnings and ends in the order of their times, an end before a beginning."""
-    moments = [Moment(strike.at_s, strike.fault, begins=True) for strike in strikes]
-    moments += [
-        Moment(strike.over_s, strike.fault, begins=False) for strike in strikes if strike.fault.lasts_s
-    ]
-    return tuple(sorted(moments, key=lambda moment: (moment.at_s, moment.begins)))
+def next_due(strikes: Iterable[Strike], entered: Mapping[TrialPhase, float]) -> tuple[float, Strike] | None:
+    """Return the strike that is due next, and when; None while none is.
+
+    Args:
+        strikes: those that have not begun.
+        entered: when each phase was, s.
+    """
+    due = ((entered[strike.phase] + strike.at_s, strike) for strike in strikes if strike.phase in entered)
+    return min(due, key=lambda pair: pair[0], default=None)
 
 
-def _strike(text: str, known: Mapping[str, Fault]) -> Strike:
+def _strike(text: str, known: Mapping[str, Fault], phases: list[TrialPhase]) -> Strike:
     match = _STRIKE.fullmatch(text)
     if match is None:
-        raise UsageError(f"--fault {text!r}: expected NAME@SECONDS, for example {next(iter(known))}@5")
-    fault, at_s = known.get(match[1]), float(match[2])
+        raise UsageError(
+            f"--fault {text!r}: expected NAME@SECONDS, NAME@PHASE or NAME@PHASE+SECONDS, for example "
+            f"{next(iter(known))}@5"
+        )
+    name, seconds, phase, after = match.groups()
+    fault, at_s = known.get(name), float(seconds or after or 0)
     if fault is None:
         raise UsageError(f"--fault {text}: unknown for this rehearsal; known are {', '.join(known)}")
+    if phase is not None and phase not in phases:
+        raise UsageError(f"--fault {text}: this robot's phases are {', '.join(phases)}")
     if at_s > LATEST_S:
         raise UsageError(f"--fault {text}: {at_s:g} s is out of range [0, {LATEST_S:g}]")
-    return Strike(fault, at_s)
+    return Strike(fault, at_s, TrialPhase(phase) if phase else TrialPhase.FOLLOWING)

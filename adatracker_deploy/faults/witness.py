@@ -4,8 +4,14 @@ A line a moment: machine time (`time.monotonic_ns`, the same in every process), 
 
     81516371244106 command 0.812 0.0 0.0 -0.113     velocity that reached the robot: vx vy vz yaw_rate
     81516376032871 speed 0.790                      its true speed over the ground, m/s
-    81516380217755 begin camera_freeze              written by whoever injects, as soon as it has
+    81516376032903 flight 1.42 0.88                 one that flies: how fast it climbs, m/s, and its height, m
+    81516376032911 mode OFFBOARD armed              one that flies: whenever it changes
+    81516376100000 process robot 4711               who is who; written by each part's own process
+    81516380217788 suffers camera_freeze            by the robot, when it was ordered to
+    81516376200000 phase following                  written by whoever injects, with the following three
+    81516380217755 begin camera_freeze              as soon as it has
     81518380411902 end camera_freeze
+    81518380500000 stood 0.104                      the tracker's interpreter has stood still for so long, s
     81519990332047 off                              the far end has ended, its robot at rest
 
 Each line is one write at the file's end, so that several processes share the file.
@@ -42,6 +48,7 @@ class Witness:
 
     def __init__(self, path: Path | None = None) -> None:
         self._fd = None if path is None else os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600)
+        self._mode: tuple[str, bool] | None = None
 
     def command(self, twist: Twist) -> None:
         """Note a velocity that has reached the robot."""
@@ -50,6 +57,32 @@ class Witness:
     def speed(self, speed_m_s: float) -> None:
         """Note how fast the robot really is, over the ground."""
         self._write(f"speed {speed_m_s:.4g}")
+
+    def flight(self, up_m_s: float, height_m: float) -> None:
+        """Note how fast the robot really climbs, and how high it is above where it stood."""
+        self._write(f"flight {up_m_s:.4g} {height_m:.4g}")
+
+    def mode(self, name: str, *, armed: bool) -> None:
+        """Note the robot's mode of flight, and whether its motors may turn; only changes are written."""
+        if self._mode != (name, armed):
+            self._mode = (name, armed)
+            self._write(f"mode {name} {'armed' if armed else 'disarmed'}")
+
+    def suffers(self, name: str) -> None:
+        """Note that the robot suffers a fault from now on."""
+        self._write(f"suffers {name}")
+
+    def process(self, role: str, pid: int = 0) -> None:
+        """Note which process is the robot, the tracker or the link; 0 for the one that calls."""
+        self._write(f"process {role} {pid or os.getpid()}")
+
+    def phase(self, name: str) -> None:
+        """Note that a trial has entered a phase."""
+        self._write(f"phase {name}")
+
+    def stood(self, seconds: float) -> None:
+        """Note that the tracker's interpreter has stood still until now."""
+        self._write(f"stood {seconds:.4g}")
 
     def fault(self, name: str, *, begins: bool) -> None:
         """Note that a fault has been injected, or is over."""
@@ -90,20 +123,56 @@ class Told:
 
 
 @dataclass(frozen=True, slots=True)
+class Flying:
+    """A moment of a flight."""
+
+    t_ns: int
+    up_m_s: float
+    height_m: float
+
+
+@dataclass(frozen=True, slots=True)
 class Account:
-    """All that a witness wrote, in the order of time."""
+    """All that a witness wrote, in the order of time; times are the machine's, ns."""
 
     commands: tuple[Told, ...] = ()
     speeds: tuple[tuple[int, float], ...] = ()
-    """(machine time in ns, m/s)."""
+    """(time, m/s)."""
     faults: tuple[tuple[int, str, bool], ...] = ()
-    """(machine time in ns, name, whether it begins)."""
+    """(time, name, whether it begins)."""
     off: bool = False
     """The far end has ended in order."""
+    flight: tuple[Flying, ...] = ()
+    modes: tuple[tuple[int, str, bool], ...] = ()
+    """(time, mode of flight, whether its motors may turn)."""
+    phases: tuple[tuple[int, str], ...] = ()
+    """(time, phase that begins); of several trials one after the other."""
+    stood: tuple[tuple[int, float], ...] = ()
+    """(time at which it was over, s for which the tracker's interpreter stood still)."""
+    suffered: tuple[tuple[int, str], ...] = ()
+    """(time, fault that the robot suffers from then on)."""
+    processes: tuple[tuple[str, int], ...] = ()
+    """(role, process id)."""
 
     def onset_ns(self, name: str) -> int | None:
         """Return when a fault first began; None if it never did."""
         return next((t_ns for t_ns, found, begins in self.faults if begins and found == name), None)
+
+    def over_ns(self, name: str) -> int | None:
+        """Return when a fault was first over; None if it never was."""
+        return next((t_ns for t_ns, found, begins in self.faults if not begins and found == name), None)
+
+    def phase_at(self, t_ns: int) -> str:
+        """Return the phase that a trial was in; empty before the first."""
+        return next((phase for began_ns, phase in reversed(self.phases) if began_ns <= t_ns), "")
+
+    def speed_at(self, t_ns: int) -> float:
+        """Return how fast the robot was when this was last seen, m/s; 0 before the first time."""
+        return next((speed for seen_ns, speed in reversed(self.speeds) if seen_ns <= t_ns), 0.0)
+
+    def process(self, role: str) -> int | None:
+        """Return a part's process id; None when it was not told."""
+        return next((pid for found, pid in self.processes if found == role), None)
 
 
 def read_witness(text: str) -> Account:
@@ -111,6 +180,12 @@ def read_witness(text: str) -> Account:
     commands: list[Told] = []
     speeds: list[tuple[int, float]] = []
     faults: list[tuple[int, str, bool]] = []
+    flight: list[Flying] = []
+    modes: list[tuple[int, str, bool]] = []
+    phases: list[tuple[int, str]] = []
+    stood: list[tuple[int, float]] = []
+    suffered: list[tuple[int, str]] = []
+    processes: list[tuple[str, int]] = []
     off = False
     for line in text.splitlines():
         with contextlib.suppress(ValueError, IndexError, TypeError):
@@ -121,10 +196,31 @@ def read_witness(text: str) -> Account:
                     commands.append(Told(t_ns, *map(float, values)))
                 case "speed":
                     speeds.append((t_ns, float(values[0])))
+                case "flight":
+                    flight.append(Flying(t_ns, float(values[0]), float(values[1])))
+                case "mode":
+                    modes.append((t_ns, values[0], values[1] == "armed"))
+                case "phase":
+                    phases.append((t_ns, values[0]))
+                case "stood":
+                    stood.append((t_ns, float(values[0])))
+                case "suffers":
+                    suffered.append((t_ns, values[0]))
+                case "process":
+                    processes.append((values[0], int(values[1])))
                 case "begin" | "end":
                     faults.append((t_ns, values[0], what == "begin"))
                 case "off":
                     off = True
     return Account(
-        tuple(sorted(commands, key=lambda told: told.t_ns)), tuple(sorted(speeds)), tuple(sorted(faults)), off
+        commands=tuple(sorted(commands, key=lambda told: told.t_ns)),
+        speeds=tuple(sorted(speeds)),
+        faults=tuple(sorted(faults)),
+        off=off,
+        flight=tuple(sorted(flight, key=lambda moment: moment.t_ns)),
+        modes=tuple(sorted(modes)),
+        phases=tuple(sorted(phases)),
+        stood=tuple(sorted(stood)),
+        suffered=tuple(sorted(suffered)),
+        processes=tuple(processes),
     )

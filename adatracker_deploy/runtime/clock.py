@@ -6,6 +6,8 @@ import time
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from adatracker_deploy.runtime import pause
+
 _SURE_NS = 1_000_000
 """Two clocks that were read within this time can be compared."""
 _READINGS = 20
@@ -37,10 +39,13 @@ class MonotonicClock:
 
     speed: float = 1.0
     epoch_ns: int = field(default_factory=time.monotonic_ns)
+    pause: str = ""
+    """Path of a `runtime.pause`, where a rehearsal shall suspend the machine; empty everywhere else."""
 
     def now_ns(self) -> int:
         """Return the epoch plus `speed` times what has passed since."""
-        return self.epoch_ns + round((time.monotonic_ns() - self.epoch_ns) * self.speed)
+        passed_ns = time.monotonic_ns() - self.epoch_ns - (pause.total_ns(self.pause) if self.pause else 0)
+        return self.epoch_ns + round(passed_ns * self.speed)
 
     def sleep_until(self, t_ns: int) -> None:
         """Sleep for what is left of the machine's time."""
@@ -54,6 +59,8 @@ class MonotonicClock:
         A process that is stopped between the two readings would see them part, so the pair that was read
         fastest counts. Systems without CLOCK_BOOTTIME tell no suspend: 0.
         """
+        if self.pause:
+            return pause.total_ns(self.pause)
         if not hasattr(time, "CLOCK_BOOTTIME"):
             return 0
         best_ns, took_ns = 0, -1

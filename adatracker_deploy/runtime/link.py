@@ -151,8 +151,8 @@ class Link:
             judged = self._judge(state, now_ns) if driven and phase in _DRIVEN else None
         if judged is not None:
             self._carry_out(*judged, phase, now_ns)
-        elif phase is Phase.ENGAGING and self._silence_s(now_ns) > self._limits.disengage_after_s:
-            self._give_up(Stop(Reason.COMMAND_LOST))
+        elif phase is Phase.ENGAGING and (stop := self._lost(state, now_ns)):
+            self._give_up(stop)
         return self.status
 
     def drain_events(self) -> list[Event]:
@@ -167,6 +167,7 @@ class Link:
 
     def _judge(self, state: PlatformState, now_ns: int) -> tuple[Verdict, Setpoint | None]:
         setpoint = self._newest()
+        now_ns = max(now_ns, self._clock.now_ns())  # later than whatever the set-point was made from
         self._gate, verdict = judge(self._limits, self._gate, setpoint, state, now_ns)
         return verdict, setpoint
 
@@ -180,11 +181,14 @@ class Link:
         elif verdict.stage is Stage.DISENGAGE:
             self._give_up(stop)
 
-    def _silence_s(self, now_ns: int) -> float:
-        """Return the seconds since the newest set-point, or since engaging began."""
-        setpoint = self._newest()
-        newest_ns = max(setpoint.t_ns if setpoint else 0, self._gate.armed_ns)
-        return (now_ns - newest_ns) / 1e9
+    def _lost(self, state: PlatformState, now_ns: int) -> Stop | None:
+        """Say who has fallen silent while the robot engages: the tracker, or the robot itself."""
+        setpoint, begun_ns = self._newest(), self._gate.armed_ns
+        told_ns, heard_ns = max(setpoint.t_ns if setpoint else 0, begun_ns), max(state.t_ns, begun_ns)
+        if (now_ns - told_ns) / 1e9 > self._limits.disengage_after_s:
+            return Stop(Reason.COMMAND_LOST)
+        silent_s, watched = (now_ns - heard_ns) / 1e9, Reason.STATE_LOST not in self._limits.switched_off
+        return Stop(Reason.STATE_LOST) if watched and silent_s > self._limits.state_timeout_s else None
 
     def _send(self, verdict: Verdict, setpoint: Setpoint | None, now_ns: int) -> None:
         judged_ns = self._clock.now_ns()

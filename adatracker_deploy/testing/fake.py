@@ -5,11 +5,13 @@ Tests of the loop, the gate and the link use it; it passes the same conformance 
 
 from __future__ import annotations
 
+import struct
 import threading
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Annotated
 
 from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.faults.catalogue import ROBOT_SILENT
 from adatracker_deploy.platform import (
     ZERO,
     Body,
@@ -30,6 +32,20 @@ if TYPE_CHECKING:
     from adatracker_deploy.runtime.clock import Clock
 
 _STEP_S = 0.01
+_DEAF_S = 0.3
+"""Machine time without a word from the robot after which it is driven no further."""
+_COMMAND = struct.Struct("<dd")
+
+
+def to_wire(command: Twist) -> bytes:
+    """Return a command as both sides of the fake's wire say it: forward m/s and left-turning rad/s."""
+    return _COMMAND.pack(command.vx, command.yaw_rate)
+
+
+def from_wire(payload: bytes) -> Twist:
+    """Return the command in what `to_wire` made."""
+    vx, yaw_rate = _COMMAND.unpack(payload)
+    return Twist(vx=vx, yaw_rate=yaw_rate)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,17 +56,27 @@ class FakeConnection:
     """The robot stops by itself when the last command is older than this."""
     engage_s: Annotated[float, Range(0, 10)] = 0.5
     """How long engaging takes."""
+    far_end: FakeFarEnd | None = field(default=None, compare=False, repr=False)
+    """Makes the robot silent on demand."""
 
 
 class FakeFarEnd(Sitl):
-    """Nothing is behind the wire: the fake platform is its own robot."""
+    """Nothing is behind the wire: the fake platform is its own robot, but it can be told to be silent."""
+
+    faults = (ROBOT_SILENT,)
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
+        self.silent = False
 
     def start(self, clock: Clock, scenario: Scenario) -> Profile:  # noqa: ARG002 -- nothing here is random
-        """Return the profile as it is."""
-        return self._profile
+        """Return the profile with this far end in it."""
+        return replace(self._profile, connection=replace(self._profile.connection, far_end=self))
+
+    def order(self, line: str) -> None:
+        """Be silent, or tell again."""
+        if line.endswith(f" {ROBOT_SILENT.name}"):
+            self.silent = line.startswith("begin")
 
     def close(self) -> None:
         """Do nothing."""
@@ -71,7 +97,8 @@ class FakePlatform(Platform):
         """Everything that went out, oldest first."""
         self._body = KinematicBody(profile.sitl)
         self._lock = threading.RLock()
-        self._now_ns = self._sent_ns = clock.now_ns()
+        self._now_ns = self._sent_ns = self._heard_ns = clock.now_ns()
+        self._heard = (self._body.pose, self._body.velocity)
         self._command = ZERO
         self._connected = self._consent = self._engaged = False
         self._stopped = ""
@@ -110,7 +137,10 @@ class FakePlatform(Platform):
             if not self._engaged:
                 raise PlatformError(f"not engaged: {self._stopped or 'engage first'}")
             self._catch_up()
-            self._command, self._sent_ns = Twist(vx=command.vx, yaw_rate=command.yaw_rate), now_ns
+            if self._unheard_s() > _DEAF_S:
+                self._latch("the robot is not heard any more")
+                raise PlatformError(self._stopped)
+            self._command, self._sent_ns = from_wire(to_wire(command)), now_ns
             self.sent.append(self._command)
             return self._command
 
@@ -121,11 +151,11 @@ class FakePlatform(Platform):
                 return PlatformState(t_ns=0, stopped=self._stopped)
             self._catch_up()
             return PlatformState(
-                t_ns=self._now_ns,
+                t_ns=self._heard_ns,
                 mode="DRIVE" if self._engaged else "IDLE",
                 engaged=self._engaged,
-                pose=self._body.pose,
-                velocity=self._body.velocity,
+                pose=self._heard[0],
+                velocity=self._heard[1],
                 battery=1.0,
                 stopped=self._stopped,
                 taken_over=self._taken_over,
@@ -135,10 +165,7 @@ class FakePlatform(Platform):
         """Stop; the first reason stays."""
         with self._lock:
             self._catch_up()
-            if self._engaged:
-                self.sent.append(ZERO)
-            self._consent = self._engaged = False
-            self._command, self._stopped = ZERO, self._stopped or reason[:95]
+            self._latch(reason)
 
     def take_over(self) -> None:
         """Do what a pilot does: take the robot away from whoever commands it."""
@@ -168,6 +195,15 @@ class FakePlatform(Platform):
         if not self._connected:
             raise PlatformError("the robot is not connected: connect first")
 
+    def _latch(self, reason: str) -> None:
+        if self._engaged:
+            self.sent.append(ZERO)
+        self._consent = self._engaged = False
+        self._command, self._stopped = ZERO, self._stopped or reason[:95]
+
+    def _unheard_s(self) -> float:
+        return (self._now_ns - self._heard_ns) / 1e9 / self.clock.speed
+
     def _catch_up(self) -> None:
         now_ns = self.clock.now_ns()
         expires_ns = self._sent_ns + round(self.profile.connection.command_timeout_s * 1e9)
@@ -176,6 +212,9 @@ class FakePlatform(Platform):
             command = self._command if self._now_ns < expires_ns else ZERO
             self._body.step(command, (until_ns - self._now_ns) / 1e9)
             self._now_ns = until_ns
+        far_end = self.profile.connection.far_end
+        if far_end is None or not far_end.silent:
+            self._heard_ns, self._heard = self._now_ns, (self._body.pose, self._body.velocity)
 
 
 def fake_profile(connection: FakeConnection | None = None, sitl: DriveSettings | None = None) -> Profile:

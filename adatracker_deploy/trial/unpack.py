@@ -43,7 +43,7 @@ def unpacked(chunk: Chunk, allowance: Allowance) -> bytes:
         raise McapError(
             f"{len(chunk.data)} packed bytes claim to be {stated}: no log shrinks so far, it is not unpacked"
         )
-    data = _DECOMPRESS.get(chunk.compression, _unknown)(chunk, stated)
+    data: bytes = _DECOMPRESS.get(chunk.compression, _unknown)(chunk, stated)
     if len(data) != stated:
         raise EndOfFile(f"a chunk that says it holds {stated} bytes does not")
     allowance.left_bytes -= stated
@@ -61,7 +61,7 @@ def _zstd(chunk: Chunk, most: int) -> bytes:
         raise UnsupportedCompressionError("zstandard") from error
     try:
         with zstandard.ZstdDecompressor().stream_reader(io.BytesIO(chunk.data)) as reader:
-            return reader.read(most + 1)
+            return bytes(reader.read(most + 1))
     except (zstandard.ZstdError, MemoryError) as error:
         raise EndOfFile(f"a damaged chunk: {error}") from error
 

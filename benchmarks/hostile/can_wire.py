@@ -93,6 +93,7 @@ def flood_base(count: int) -> Result:
         known = sorted({frame.id for frame in base.codec.enable()} | _heard_ids(port))
         noise = (frame for frame in frames(known, random.Random(2)) if not base.asks(frame))
         seconds, grown_kb = pour(noise, count, send, keeps_up)
+        until(lambda: platform._helm.wire.rival() is None)  # some of it had the ids of commands
         faults = [f"{base.orders} orders were sent"] if base.orders else []
         if base.far_end.body.wheels_m != (0.0, 0.0):
             faults.append("its wheels turned")

@@ -163,6 +163,9 @@ class FarEnd:
             self._send(self._autopilot.transmit())
         velocity = self._body.velocity
         self._orders.witness.speed(math.hypot(velocity.vx, velocity.vy))
+        self._orders.witness.flight(velocity.vz, self._body.pose.z)
+        commander = self._autopilot.commander
+        self._orders.witness.mode(commander.mode.name, armed=commander.armed)
 
     def _let_the_pilot_fly(self, piloted: bool) -> None:
         """Switch to position mode when the fault begins, as a pilot does with the remote control."""

@@ -75,6 +75,7 @@ class Heard:
     """What does not work yet."""
     battery: float | None = None
     """State of charge, 0 to 1."""
+    battery_t_ns: int = 0
     complaint: str = ""
     """The last text or event of severity warning or worse."""
     uid: str = ""

@@ -11,7 +11,7 @@ import threading
 from typing import TYPE_CHECKING
 
 from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.platform import Body, Check, Platform, PlatformState, Sitl, Twist
+from adatracker_deploy.platform import Body, Check, Platform, PlatformState, Sitl, Twist, while_told
 from adatracker_deploy.runtime.ownership import Claim
 from adatracker_drone.connection import Connection, altitude_band
 from adatracker_drone.dialogue import TICK_NS, Dialogue
@@ -36,6 +36,8 @@ if TYPE_CHECKING:
     from adatracker_deploy.profile import Profile
     from adatracker_deploy.runtime.clock import Clock
 
+_BATTERY_TIMEOUT_S = 10.0
+"""A charge that was told longer ago is not told any more; PX4 tells it five times a second."""
 _LIFTED_M = 0.2
 """A drone that counts as taking off is reported to stand up to this height."""
 
@@ -198,7 +200,7 @@ class DronePlatform(Platform):
             landed=not heard.in_air or self._stands(heard),
             pose=pose,
             velocity=velocity,
-            battery=heard.battery,
+            battery=while_told(heard.battery, heard.battery_t_ns, self.clock, _BATTERY_TIMEOUT_S),
             stopped=self._helm.stopped,
             taken_over=self._helm.taken_over,
         )

@@ -274,7 +274,8 @@ class Vehicle:
 
     def _on_battery(self, battery: Any, _: Any) -> None:
         percent = battery.remaining_percent
-        self._hear(battery=percent / 100 if 0 <= percent <= 100 else None)
+        charge = percent / 100 if 0 <= percent <= 100 else None
+        self._hear(battery=charge, battery_t_ns=self._clock.now_ns())
 
     def _on_status_text(self, status: Any, _: Any) -> None:
         if status.type >= StatusTextType.WARNING:

@@ -11,15 +11,26 @@ from adatracker_quadruped.messages import encode_twist, encode_twist_stamped
 from adatracker_quadruped.outlet import Outlet
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import zenoh
 
     from adatracker_quadruped.connection import Connection
 
 
 class Commander:
-    """Sends velocities; none of its calls waits for the robot."""
+    """Sends velocities; none of its calls waits for the robot.
 
-    def __init__(self, session: zenoh.Session, connection: Connection) -> None:
+    Args:
+        session: to the robot.
+        connection: says in what form.
+        meant: tells whether the robot is the one that is meant; another is sent nothing, not even a stop.
+    """
+
+    def __init__(
+        self, session: zenoh.Session, connection: Connection, meant: Callable[[], bool] = lambda: True
+    ) -> None:
+        self._meant = meant
         keys = Keys(connection)
         self.key = keys.command
         """Where commands go."""
@@ -48,11 +59,13 @@ class Commander:
                 payload = encode_twist_stamped(twist, stamp_ns, self._connection.command_frame)
             case "unitree_sport":
                 payload = sport.encode_move(twist, request_id=stamp_ns)
-        self._outlet.put(payload, stamp_ns)
+        if self._meant():
+            self._outlet.put(payload, stamp_ns)
 
     def stand(self, stamp_ns: int) -> None:
         """Say that no command will follow: StopMove where there is one, another zero where not."""
         if self._connection.command == "unitree_sport":
-            self._outlet.put(sport.encode_stop(request_id=stamp_ns), stamp_ns)
+            if self._meant():
+                self._outlet.put(sport.encode_stop(request_id=stamp_ns), stamp_ns)
         else:
             self.walk(ZERO, stamp_ns)

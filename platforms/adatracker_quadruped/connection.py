@@ -70,12 +70,18 @@ class Connection:
     tls: Tls | None = None
     min_battery: Annotated[float, Range(0, 1)] = 0.2
     """Charge needed to engage; 0 also accepts a robot that does not tell it."""
+    battery_timeout_s: Annotated[float, Range(1, 600)] = 30.0
+    """A charge that was told longer ago is not told any more, and the robot is stopped."""
     connect_timeout_s: Annotated[float, Range(0.1, 30)] = 1.5
     """How long to dial; a robot on the same network answers in milliseconds."""
     lease_s: Annotated[float, Range(0.1, 10)] = 1.0
     """A peer that is silent for this long is gone: how soon a frozen or cut-off robot is noticed."""
     odometry_timeout_s: Annotated[float, Range(0.05, 5)] = 0.3
     """Without odometry for this long the robot is walked no further."""
+    odometry_velocity: Literal["body", "odom"] = "body"
+    """Axes of the odometry's twist: ``child_frame_id`` by ROS's rule, or its own (Spot's driver)."""
+    rehearsal_token: str = ""
+    """Set by ``--sitl``: the robot must show this, or it is somebody else's and is sent nothing."""
     command_timeout_s: Annotated[float, Range(0.05, 5)] = 0.5
     """The robot's own: it stops when no command has come for this long."""
 

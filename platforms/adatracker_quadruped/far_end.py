@@ -202,7 +202,9 @@ class _Wire:
         self.faults = session.declare_subscriber(sitl_keys.fault, latest(1))
         live = session.liveliness()
         self.hosts = live.declare_subscriber(connection.host_token, latest(64), history=True)
-        self._tokens = [live.declare_token(key) for key in (sitl_keys.alive, _token(connection)) if key]
+        self._tokens = [
+            live.declare_token(key) for key in (sitl_keys.alive, sitl_keys.run, _token(connection)) if key
+        ]
         self.senses = Senses(session, connection, robot.sitl)
         self.images = Outlet(session, keys.camera, attaches=keys.attaches)
         self.truths = Outlet(session, sitl_keys.truth, attaches=False)

@@ -1,19 +1,20 @@
 """ROS 2 messages as the toolkit's values, and back: velocities, odometry, inertia, battery, images.
 
 Frames are REP 103's and REP 105's on both sides: a pose is that of ``child_frame_id`` (the body: x forward,
-y left, z up) in ``frame_id`` (fixed: x east or start-forward), a velocity is in the body. Only attitudes
-change their form, in `parts` and nowhere else: a unit quaternion on the wire, `Pose`'s angles inside.
+y left, z up) in ``frame_id`` (fixed: x east or start-forward), a velocity is in the body; `in_body` puts
+right one that is not. Only attitudes change their form, in `parts` and nowhere else: a unit quaternion on the
+wire, `Pose`'s angles inside.
 Covariances are not read, and are written as zeros: unknown (sensor_msgs/Imu).
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from adatracker_deploy.geometry import Pose
+from adatracker_deploy.geometry import Matrix, Pose
 from adatracker_deploy.perception.compressed_image import CompressedImage, read_compressed_image
 from adatracker_deploy.platform import Twist
 from adatracker_quadruped import protocol
@@ -124,8 +125,24 @@ def encode_odometry(odometry: Odometry) -> bytes:
     return protocol.encode(message, protocol.ODOMETRY)
 
 
+def in_body(odometry: Odometry) -> Odometry:
+    """Return an odometry whose velocity is in its own frame with the velocity in the body's."""
+    return _turned(odometry, odometry.pose.rotation().T)
+
+
+def in_odom(odometry: Odometry) -> Odometry:
+    """Return an odometry with its velocity in the axes of its own frame, as Spot's driver tells it."""
+    return _turned(odometry, odometry.pose.rotation())
+
+
+def _turned(odometry: Odometry, rotation: Matrix) -> Odometry:
+    velocity = odometry.velocity
+    vx, vy, vz = (float(v) for v in rotation @ (velocity.vx, velocity.vy, velocity.vz))
+    return replace(odometry, velocity=replace(velocity, vx=vx, vy=vy, vz=vz))
+
+
 def decode_odometry(payload: bytes) -> Odometry:
-    """Return the pose and the velocity in a nav_msgs/Odometry."""
+    """Return the pose and the velocity in a nav_msgs/Odometry, in the axes in which it is told."""
     message = protocol.decode(payload, protocol.ODOMETRY)
     pose = message.pose.pose
     x, y, z = read_vector(pose.position, FARTHEST_M)

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.milestone import milestone
 from adatracker_deploy.perception.camera import ROBOT
-from adatracker_deploy.platform import ZERO, Body, Check, Platform, PlatformState, Sitl, Twist
+from adatracker_deploy.platform import ZERO, Body, Check, Platform, PlatformState, Sitl, Twist, while_told
+from adatracker_deploy.runtime.suspend import SuspendWatch
 from adatracker_quadruped.camera_topic import with_camera
 from adatracker_quadruped.connection import Connection
 from adatracker_quadruped.keys import Keys
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from adatracker_deploy.perception.camera import Camera
     from adatracker_deploy.profile import Profile
     from adatracker_deploy.runtime.clock import Clock
+    from adatracker_quadruped.tap import Reading
 
 _ZEROS = 3
 _ZERO_PERIOD_S = 0.02
@@ -58,6 +60,9 @@ class QuadrupedPlatform(Platform):
         self._in_charge = False
         """Engaged since the last disengage: only then is the robot ours to stop."""
         self._stopped = ""
+        self._stops = 0
+        """How often a stop was asked for, whether or not there was anything to stop."""
+        self._suspends = SuspendWatch(clock)
         self._sent_ns = 0
         """When the newest command was made; 0 since the last engage."""
         self._told = 0
@@ -97,15 +102,22 @@ class QuadrupedPlatform(Platform):
         """Accept commands from now on.
 
         Raises:
-            PlatformError: nobody listens to commands, or the robot is not heard.
+            PlatformError: another host has the robot, nobody listens to commands, the robot is not heard, or
+                somebody called `hold`, `disengage` or `close` meanwhile.
         """
-        with self._steering:
+        stops = self._stops
+        with self._opening:
             wire = self._connected()
+            if not wire.lease.take(lambda: self._stops != stops) and self._stops == stops:
+                raise PlatformError(f"another host holds {self._connection.host_token}: end it first")
+        with self._steering:
             if self._engaged:
                 return
-            if wire.has_rival:
-                token = self._connection.host_token
-                raise PlatformError(f"another host holds {token}: end it, then connect again")
+            if self._stops != stops:
+                raise PlatformError(
+                    f"engaging was stopped: {self._stopped or 'disengage or close was asked for'}"
+                )
+            self._suspends.begin()
             if why := self._trouble(wire):
                 raise PlatformError(why)
             self._engaged = self._in_charge = True
@@ -127,6 +139,7 @@ class QuadrupedPlatform(Platform):
             if why := self._pause(now_ns) or self._trouble(wire):
                 self._stopped, self._engaged = why, False  # in this order, for who reads without the lock
                 wire.commander.walk(ZERO, time.time_ns())
+                wire.lease.release()  # who was cut off for long is not the owner that others have seen
                 raise PlatformError(why)
             sent = replace(command, vz=0.0)
             age_ns = (self.clock.now_ns() - now_ns) / self.clock.speed
@@ -147,9 +160,14 @@ class QuadrupedPlatform(Platform):
             engaged=engaged,
             pose=reading.value.pose,
             velocity=reading.value.velocity,
-            battery=battery.value if battery is not None else None,
+            battery=self._charge(battery),
             stopped=stopped,
         )
+
+    def _charge(self, reading: Reading[float | None] | None) -> float | None:
+        if reading is None:
+            return None
+        return while_told(reading.value, reading.t_ns, self.clock, self._connection.battery_timeout_s)
 
     def notices(self) -> tuple[str, ...]:
         """Tell of messages of the robot's that could not be believed."""
@@ -225,7 +243,7 @@ class QuadrupedPlatform(Platform):
         return wire
 
     def _trouble(self, wire: Wire) -> str:
-        if why := wire.watch.trouble():
+        if why := self._suspends.trouble() or wire.watch.trouble() or wire.lease.lost():
             return why
         return "" if wire.commander.matched else f"nobody subscribes to {wire.commander.key}"
 
@@ -236,6 +254,7 @@ class QuadrupedPlatform(Platform):
         return f"no command for {paused_s:.2f} s: the robot has stopped by itself" if over else ""
 
     def _withdraw(self, reason: str) -> None:
+        self._stops += 1
         with self._steering:
             self._stopped = self._stopped or reason
             self._engaged = False

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from adatracker_quadruped.keys import Keys
-from adatracker_quadruped.messages import Imu, Odometry, encode_battery, encode_imu, encode_odometry
+from adatracker_quadruped.messages import Imu, Odometry, encode_battery, encode_imu, encode_odometry, in_odom
 from adatracker_quadruped.outlet import Outlet
 from adatracker_quadruped.sitl_keys import Fault
 
@@ -30,6 +30,7 @@ class Senses:
     def __init__(self, session: zenoh.Session, connection: Connection, settings: SitlSettings) -> None:
         keys = Keys(connection)
         self._settings = settings
+        self._in_odom = connection.odometry_velocity == "odom"
         self._odometry = _Due(session, keys.odometry, settings.odometry_hz, attaches=keys.attaches)
         self._imu = _Due(session, keys.imu, settings.imu_hz, attaches=keys.attaches)
         self._battery = _Due(session, keys.battery, _BATTERY_HZ, attaches=keys.attaches)
@@ -49,7 +50,8 @@ class Senses:
             return
         if self._odometry.due(now_ns):
             if Fault.FROZEN_ODOMETRY not in faults:
-                self._said = encode_odometry(Odometry(body.pose, body.velocity, unix_ns))
+                told = Odometry(body.pose, body.velocity, unix_ns)
+                self._said = encode_odometry(in_odom(told) if self._in_odom else told)
             self._odometry.put(self._said, unix_ns)
         if self._imu.due(now_ns):
             self._imu.put(encode_imu(_inertia(body, faults, unix_ns)), unix_ns)

@@ -15,8 +15,9 @@ import contextlib
 import dataclasses
 import importlib.util
 import json
+import random
 import re
-import socket
+import secrets
 import sys
 from typing import TYPE_CHECKING
 
@@ -40,12 +41,15 @@ from adatracker_quadruped.sitl_keys import ON_DEMAND
 if TYPE_CHECKING:
     from adatracker_deploy.profile import Profile
     from adatracker_deploy.runtime.clock import Clock
-    from adatracker_quadruped.connection import Connection
     from adatracker_quadruped.far_end import FarEnd, Robot
 
+_ANYWHERE = "tcp/127.0.0.1:0"
 _LISTEN = re.compile(r"tcp/127\.0\.0\.1:([0-9]{1,5})")
 _DEFAULT_TOPIC = "camera/image_raw/compressed"
 _FAILED = 1
+_PORTS = range(20_000, 32_768)
+"""Below those that Linux gives to whoever dials."""
+_TRIES = 20
 
 
 class QuadrupedSitl(Sitl):
@@ -71,20 +75,32 @@ class QuadrupedSitl(Sitl):
         """
         _require_mujoco()
         profile = _with_robots_camera(self._profile)
-        connection = _listening(with_camera(profile), f"tcp/127.0.0.1:{_free_port()}")
+        token = secrets.token_hex(16)
+        connection = dataclasses.replace(with_camera(profile), tls=None, rehearsal_token=token)
         robot = {
             "connection": dataclasses.asdict(connection),
             "sitl": dataclasses.asdict(profile.sitl),
             "camera_hz": profile.camera.rate_hz,
         }
-        self._process.start(
+        ready = self._process.start(
             clock,
             [
-                *("--robot", json.dumps(robot), "--scene", scenario.scene, "--seed", str(scenario.seed)),
+                *(
+                    "--listen",
+                    _ANYWHERE,
+                    "--robot",
+                    json.dumps(robot),
+                    "--scene",
+                    scenario.scene,
+                    "--seed",
+                    str(scenario.seed),
+                ),
                 *("--target-speed", repr(scenario.target_speed_m_s)),
             ],
         )
-        return dataclasses.replace(profile, connection=connection)
+        return dataclasses.replace(
+            profile, connection=dataclasses.replace(connection, endpoint=ready["endpoint"])
+        )
 
     def close(self) -> None:
         """End the lifeline and wait: the process ends once the robot stands."""
@@ -103,30 +119,19 @@ def _with_robots_camera(profile: Profile) -> Profile:
     return dataclasses.replace(profile, camera=dataclasses.replace(profile.camera, uri=f"{ROBOT}{topic}"))
 
 
-def _listening(connection: Connection, endpoint: str) -> Connection:
-    """Return the connection at an endpoint of this machine, which needs no certificates."""
-    return dataclasses.replace(connection, endpoint=endpoint, tls=None)
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 def main(argv: list[str] | None = None) -> int:
     """Run the far end until it is told to end; return the exit status."""
     args = _arguments().parse_args(argv)
     try:
         orders, robot = Orders(), _robot(args)
-        far_end = _power_on(robot, args, orders)
+        far_end, endpoint = _power_on(robot, args, orders)
     except (UsageError, json.JSONDecodeError) as error:
         return refuse(error)
     except PlatformError as error:
         refuse(error)
         return _FAILED
     lifeline_ended = lifeline(args, orders)
-    announce(endpoint=robot.connection.endpoint)
+    announce(endpoint=endpoint)
     with contextlib.suppress(KeyboardInterrupt):
         far_end.serve(lifeline_ended)
     return 0
@@ -140,16 +145,26 @@ def _robot(args: argparse.Namespace) -> Robot:
     if args.robot:
         return parse(Robot, json.loads(args.robot), where="--robot")
     profile = _with_robots_camera(load_profile(args.profile, QuadrupedPlatform))
-    port = int(args.listen.rpartition(":")[2]) or _free_port()
-    connection = _listening(with_camera(profile), f"tcp/127.0.0.1:{port}")
+    connection = dataclasses.replace(with_camera(profile), tls=None)
     return Robot(connection=connection, sitl=profile.sitl, camera_hz=profile.camera.rate_hz)
 
 
-def _power_on(robot: Robot, args: argparse.Namespace, orders: Orders) -> FarEnd:
+def _power_on(robot: Robot, args: argparse.Namespace, orders: Orders) -> tuple[FarEnd, str]:
+    """Return the robot and where it listens; for port 0 that is whichever it can bind itself, and so owns."""
     from adatracker_quadruped.far_end import FarEnd
 
     scenario = Scenario(scene=args.scene, target_speed_m_s=args.target_speed, seed=args.seed)
-    return FarEnd(robot, scenario, far_end_clock(args), orders)
+    endpoints = [args.listen]
+    if args.listen == _ANYWHERE:
+        endpoints = [f"tcp/127.0.0.1:{port}" for port in random.SystemRandom().sample(_PORTS, _TRIES)]
+    for endpoint in endpoints:
+        connection = dataclasses.replace(robot.connection, endpoint=endpoint)
+        try:
+            there = dataclasses.replace(robot, connection=connection)
+            return FarEnd(there, scenario, far_end_clock(args), orders), endpoint
+        except PlatformError as error:
+            taken = error
+    raise taken
 
 
 def _require_mujoco() -> None:

@@ -1,6 +1,7 @@
 """The keys that only a simulated robot has, beside its ROS 2 topics, and what is on them.
 
 ``sitl/alive``  its liveliness token: this robot is a rehearsal.
+``sitl/run/T``  another one, whose T only the rehearsal knows that started this robot.
 ``sitl/truth``  the truth of each image, under the image's stamp; put before the image is.
 ``sitl/go``     anything put here lets the people in its world walk.
 ``sitl/fault``  a `Fault` by name, until the next one.
@@ -65,6 +66,7 @@ class SitlKeys:
         self.truth = f"{base}/truth"
         self.go = f"{base}/go"
         self.fault = f"{base}/fault"
+        self.run = f"{base}/run/{connection.rehearsal_token}" if connection.rehearsal_token else ""
 
 
 def encode_stamped_truth(stamp_ns: int, truth: Truth) -> bytes:

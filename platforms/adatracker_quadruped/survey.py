@@ -37,7 +37,7 @@ def survey(wire: Wire, camera_key: str) -> Heard:
     return Heard(
         command_key=wire.commander.key,
         matched=wire.commander.matched,
-        has_rival=wire.has_rival,
+        has_rival=not wire.lease.take(),
         trouble=watch.trouble(),
         odometry_hz=(after.count - before.count) / listened_s if after and before else 0.0,
         attitude=_attitude(watch),

@@ -10,8 +10,16 @@ import zenoh
 
 from adatracker_deploy.stamps import StampOrder
 from adatracker_quadruped.keys import Keys
-from adatracker_quadruped.messages import Malformed, decode_battery, decode_imu, decode_odometry
+from adatracker_quadruped.messages import (
+    Malformed,
+    Odometry,
+    decode_battery,
+    decode_imu,
+    decode_odometry,
+    in_body,
+)
 from adatracker_quadruped.protocol import SMALL_CAP_BYTES
+from adatracker_quadruped.sitl_keys import SitlKeys
 from adatracker_quadruped.tap import Tap
 
 if TYPE_CHECKING:
@@ -41,15 +49,18 @@ class Watch:
         keys = Keys(connection)
         self._connection = connection
         self._clock = clock
-        self._driver = Fresh(decode_odometry, clock)
+        turned = connection.odometry_velocity == "odom"
+        self._driver = Fresh(_decode_turned if turned else decode_odometry, clock)
         self.odometry = Tap(session, keys.odometry, self._driver, clock, SMALL_CAP_BYTES)
-        self.imu = self.battery = self._tokens = None
+        self.imu = self.battery = self._tokens = self._rehearsal = None
         if keys.imu:
             self.imu = Tap(session, keys.imu, Fresh(decode_imu, clock), clock, SMALL_CAP_BYTES)
         if keys.battery:
             self.battery = Tap(session, keys.battery, decode_battery, clock, SMALL_CAP_BYTES)
         if connection.robot_liveliness:
             self._tokens = _Tokens(session, connection.robot_liveliness)
+        if run := SitlKeys(connection).run:
+            self._rehearsal = _Tokens(session, run)
 
     @property
     def dropped(self) -> int:
@@ -61,8 +72,14 @@ class Watch:
         newest = self.odometry.newest
         return (self._clock.now_ns() - newest.t_ns) / 1e9 / self._clock.speed if newest else math.inf
 
+    def meant(self) -> bool:
+        """Tell whether this is the robot that is meant: in a rehearsal only the one that it has started."""
+        return self._rehearsal is None or self._rehearsal.alive()
+
     def trouble(self) -> str:
         """Say why the robot must not be walked any further; empty while it may."""
+        if not self.meant():
+            return "the robot is gone: the simulated one that this rehearsal has started is not there"
         if self._tokens is not None and not self._tokens.alive():
             return f"the robot is gone: no liveliness token {self._connection.robot_liveliness}"
         if self._driver.restarted_s() < UNSETTLED_S:
@@ -76,6 +93,11 @@ class Watch:
         for tap in (self.odometry, self.imu, self.battery):
             if tap is not None:
                 tap.join()
+
+
+def _decode_turned(payload: bytes) -> Odometry:
+    """Read odometry whose velocity is in its own frame: the one place where that is put right."""
+    return in_body(decode_odometry(payload))
 
 
 class _Tokens:

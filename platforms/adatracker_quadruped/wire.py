@@ -8,37 +8,48 @@ from typing import TYPE_CHECKING
 
 import zenoh
 
+from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.runtime.ownership import Claim
 from adatracker_quadruped.commander import Commander
+from adatracker_quadruped.lease import Lease
 from adatracker_quadruped.session import open_session
+from adatracker_quadruped.sitl_keys import SitlKeys
 from adatracker_quadruped.watch import Watch
 
 if TYPE_CHECKING:
     from adatracker_deploy.runtime.clock import Clock
     from adatracker_quadruped.connection import Connection
 
-_RIVAL_LEAVES_S = 0.3
-"""The token of a host that has just closed may still be on its way out."""
 _POLL_S = 0.02
+_ANSWER_S = 0.3
+"""For a router to say which tokens there are."""
 
 
 class Wire:
     """Opens everything or nothing; close it from any thread.
 
     Raises:
-        PlatformError: nobody answers at the endpoint.
+        PlatformError: nobody answers at the endpoint, another program on this machine has the robot, or it is
+            not the one that this rehearsal has started.
         UsageError: a file that the connection names is not there.
     """
 
     def __init__(self, connection: Connection, clock: Clock) -> None:
-        self._session = open_session(connection)
+        self._claim = Claim(f"zenoh:{connection.endpoint}:{connection.host_token}")
         try:
+            self._session = open_session(connection)
+        except BaseException:
+            self._claim.close()
+            raise
+        try:
+            self._require_own_rehearsal(connection)
             self.watch = Watch(self._session, connection, clock)
-            self.commander = Commander(self._session, connection)
-            self.has_rival = self._finds_rival(connection.host_token)
-            """Another host, which was there first, holds the same token."""
-            self._token = self._session.liveliness().declare_token(connection.host_token)
+            self.commander = Commander(self._session, connection, self.watch.meant)
+            self.lease = Lease(self._session, connection.host_token)
+            self.lease.take()
         except BaseException:
             self._session.close()
+            self._claim.close()
             raise
         atexit.register(self.close)  # an interpreter that ends under a waiting tap aborts
 
@@ -58,14 +69,19 @@ class Wire:
     def close(self) -> None:
         """Let the token go, which stops a robot that watches it; close the session; wait for the taps."""
         atexit.unregister(self.close)
-        self._token.undeclare()
+        self.lease.release()
         self._session.close()
         self.watch.join()
+        self._claim.close()
 
-    def _finds_rival(self, token: str) -> bool:
-        deadline_s = time.monotonic() + _RIVAL_LEAVES_S
-        while any(reply.ok for reply in self._session.liveliness().get(token, timeout=_RIVAL_LEAVES_S)):
+    def _require_own_rehearsal(self, connection: Connection) -> None:
+        """Make sure, in a rehearsal, that the robot here is the one that it has started."""
+        run = SitlKeys(connection).run
+        deadline_s = time.monotonic() + connection.connect_timeout_s
+        while run and not any(reply.ok for reply in self._session.liveliness().get(run, timeout=_ANSWER_S)):
             if time.monotonic() > deadline_s:
-                return True
+                raise PlatformError(
+                    f"what answers at {connection.endpoint} is not the simulated robot that this rehearsal "
+                    "has started: nothing was sent to it; rehearse again"
+                )
             time.sleep(_POLL_S)
-        return False

@@ -122,6 +122,8 @@ class Bus:
         if message.is_error_frame and message.arbitration_id & _BUS_OFF:
             self._lose("the controller went bus-off: check the wiring, the termination and the bit rate")
             return None
+        if not message.is_rx:  # our own, where a driver echoes what was sent
+            return None
         try:
             if message.is_error_frame or message.is_remote_frame or message.is_fd:
                 raise ValueError("no data frame of classic CAN")

@@ -160,6 +160,10 @@ class Codec:
         told = self._to_base.read(frame)
         return None if told is None else Demand(**told)
 
+    def is_command(self, frame: CanFrame) -> bool:
+        """Tell whether a frame has an id with which hosts command the base, whatever its bytes."""
+        return self._to_base.knows(frame) and not self._from_base.knows(frame)
+
     def _listen_to_commands(self) -> Dispatch:
         dispatch = Dispatch(padded=True)  # AgileX's public SDK fills requests of one byte up to eight
         dispatch.add_parts(self._command, lambda said: {"twist": self._drive.twist(said)})

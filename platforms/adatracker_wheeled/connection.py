@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated
 
 from adatracker_deploy.errors import UsageError
@@ -34,6 +36,19 @@ class Connection:
     """How long the base may take to say that it obeys this side."""
     min_battery: Annotated[float, Range(0, 1)] = 0.2
     """Charge needed to engage; 0 also accepts a base that does not tell it."""
+    rehearsal_token: str = ""
+    """Set by ``--sitl``: the socketcand must say this, or it is somebody else's and is sent nothing."""
+
+    @property
+    def robot(self) -> str:
+        """Names the bus: the same in every run on this machine that would drive the same base."""
+        match self.interface:
+            case "socketcand":
+                return f"can:socketcand:{self.host}:{self.port}:{self.channel}"
+            case "virtual":  # which no other process reaches
+                return f"can:virtual:{os.getpid()}:{self.channel}"
+        device = Path(self.channel).resolve() if self.channel.startswith("/") else self.channel
+        return f"can:{self.interface}:{device}"
 
     def __post_init__(self) -> None:
         if self.interface == "udp_multicast":

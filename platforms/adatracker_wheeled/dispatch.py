@@ -62,6 +62,10 @@ class Dispatch:
         for index, part in enumerate(parts):
             self.add(part.layout, _part_reader(gather, index, part, tell))
 
+    def knows(self, frame: CanFrame) -> bool:
+        """Tell whether anybody listens to a frame's id."""
+        return (frame.id, frame.extended) in self._known
+
     def read(self, frame: CanFrame) -> Told | None:
         """Return what a frame tells, or None when nobody listens to its id.
 

@@ -33,7 +33,7 @@ def open_driver(connection: Connection) -> Any:
     interface = connection.interface
     _check_interface(interface)
     if interface == "socketcand":
-        _shake_hands(connection.host, connection.port, connection.channel)
+        _shake_hands(connection)
     try:
         return _open(connection)
     except can.CanInterfaceNotImplementedError as error:
@@ -47,6 +47,11 @@ def open_driver(connection: Connection) -> Any:
     except (TypeError, ValueError) as error:
         raise UsageError(
             f"connection: interface {interface} refuses its settings: {line_of(error)}"
+        ) from error
+    except Exception as error:  # a missing library shows itself as it likes, kvaser's by a NameError
+        raise UsageError(
+            f"connection: interface {interface} cannot be used here: {line_of(error)}; install its vendor's "
+            "driver and library, or name another interface"
         ) from error
 
 
@@ -82,16 +87,25 @@ def _check_interface(interface: str) -> None:
         raise UsageError(f"connection: python-can has no interface {interface!r}; {hint}")
 
 
-def _shake_hands(host: str, port: int, channel: str) -> None:
-    """Find out whether a socketcand answers for this bus, on a connection of its own."""
+def _shake_hands(connection: Connection) -> None:
+    """Find out whether a socketcand answers for this bus, and is the right one."""
+    host, port, channel = connection.host, connection.port, connection.channel
     what = f"no socketcand answers for {channel} on {host}:{port}"
     deadline_s = time.monotonic() + ANSWER_TIMEOUT_S
     try:
         with socket.create_connection((host, port), ANSWER_TIMEOUT_S) as probe:
-            for say, expect in ((b"", b"< hi >"), (f"< open {channel} >".encode(), b"< ok >")):
+            words = [(b"", b"< hi >"), (f"< open {channel} >".encode(), b"< ok >")]
+            if token := connection.rehearsal_token:
+                words.insert(1, (b"< rehearsal >", f"< rehearsal {token} >".encode()))
+            for say, expect in words:
                 probe.settimeout(max(0.01, deadline_s - time.monotonic()))
                 probe.sendall(say)
                 if (answer := probe.recv(64)) != expect:
+                    if say == b"< rehearsal >":
+                        raise PlatformError(
+                            f"what answers on {host}:{port} is not the simulated base that this rehearsal "
+                            "has started: nothing was sent to it; rehearse again"
+                        )
                     said = repr(answer)[1:40]
                     raise PlatformError(f"{what}: it says {said}, where {expect.decode()!r} was expected")
     except OSError as error:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.platform import ZERO
 from adatracker_wheeled.hearing import unfit
+from adatracker_wheeled.preflight import NOT_OURS
 from adatracker_wheeled.transmitter import ZEROS
 
 if TYPE_CHECKING:
@@ -17,13 +18,15 @@ if TYPE_CHECKING:
     from adatracker_wheeled.wire import Wire
 
 _TICK_NS = 20_000_000
+_LISTEN_S = 0.1
+"""Somebody else's commands come 10 times a second at least, and are heard before this side's first."""
 
 
 def enable(wire: Wire, helm: Helm, connection: Connection, clock: Clock) -> None:
     """Bring a base that is fit into command mode, at zero speed; its errors are not cleared.
 
     Raises:
-        PlatformError: the base is unfit or does not obey, or consent went meanwhile.
+        PlatformError: the base is unfit, somebody else's, or does not obey; or consent went meanwhile.
     """
 
     def still() -> None:
@@ -33,12 +36,16 @@ def enable(wire: Wire, helm: Helm, connection: Connection, clock: Clock) -> None
             wire.command(ZERO, clock.now_ns())
 
     begun_ns = clock.now_ns()
+    enough_ns = begun_ns + round(_LISTEN_S * clock.speed * 1e9)
+    wire.begin()
     wire.wait(
-        lambda heard: heard.status_t_ns > begun_ns,
+        lambda heard: heard.status_t_ns > begun_ns and clock.now_ns() > enough_ns,
         connection.roles.timing.state_timeout_s,
         helm.require_consent,
     )
     _refuse_unfit(wire, helm)
+    if _enabled(wire.heard) and not helm.in_charge:
+        _take_back(wire, helm, connection, clock)
     helm.take_charge()
     for _ in range(ZEROS):
         still()
@@ -58,9 +65,32 @@ def enable(wire: Wire, helm: Helm, connection: Connection, clock: Clock) -> None
     helm.engage()
 
 
+def _enabled(heard: Heard) -> bool:
+    return heard.status is not None and heard.status.mode == "ours"
+
+
+def _take_back(wire: Wire, helm: Helm, connection: Connection, clock: Clock) -> None:
+    """Put a base into standby that a killed run of this user's has left enabled, and nobody commands."""
+    if wire.mark.left_by() is None:
+        raise PlatformError(NOT_OURS)
+    wire.listen(helm.require_consent)
+    _refuse_unfit(wire, helm)
+    helm.take_charge()
+    asked_ns = clock.now_ns()
+    with helm.lock:
+        helm.require_consent()
+        wire.say(wire.codec.disable())
+
+    def stands_by(heard: Heard) -> bool:
+        return heard.status_t_ns > asked_ns and not _enabled(heard)
+
+    if wire.codec.disable() and not wire.wait(stands_by, connection.engage_timeout_s, helm.require_consent):
+        raise PlatformError(f"the base does not go into standby within {connection.engage_timeout_s:g} s")
+
+
 def _refuse_unfit(wire: Wire, helm: Helm) -> None:
     status = wire.heard.status
-    found = unfit(status) if status is not None else None
+    found = wire.estranged() or (unfit(status) if status is not None else None)
     helm.heed(found)
     if found is not None:
         raise PlatformError(found.reason)

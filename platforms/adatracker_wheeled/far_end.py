@@ -9,10 +9,12 @@ from collections import deque
 from typing import TYPE_CHECKING
 
 from adatracker_deploy.far_end import Orders
+from adatracker_deploy.platform import ZERO
 from adatracker_deploy.world.rehearsal import Rehearsal
 from adatracker_wheeled.base import Base
 from adatracker_wheeled.body import WheeledBody
-from adatracker_wheeled.injection import FAULT_NAMES
+from adatracker_wheeled.codec import Codec
+from adatracker_wheeled.injection import FAULT_NAMES, FOREIGN_COMMANDS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -63,6 +65,7 @@ class FarEnd:
         self._suffered: frozenset[str] = frozenset()
         """The orders' faults, as the base has heard of them."""
         self.base = Base(roles, settings, clock.speed)
+        self._rival = _Rival(roles, clock)
         self.body = WheeledBody(settings, roles)
         fov_rad = math.radians(settings.camera.fov_deg)
         self.rehearsal = Rehearsal(scenario, self.body, fov_rad)
@@ -105,11 +108,14 @@ class FarEnd:
             asked = self.base.receive(self._unread.popleft(), now_s)
             if asked is not None:
                 self._orders.witness.command(asked)
+        theirs = self._rival.said() if FOREIGN_COMMANDS.name in self._orders.faults else ()
+        for frame in theirs:
+            self.base.receive(frame, now_s)
         steps = math.ceil(elapsed_s / STEP_S)
         for _ in range(steps):
             self.rehearsal.step(self.base.demand(now_s), elapsed_s / steps)
         self._orders.witness.speed(abs(self.body.velocity.vx))
-        return self.base.transmit(self.body.measured, self.body.wheels_m, now_s)
+        return theirs + self.base.transmit(self.body.measured, self.body.wheels_m, now_s)
 
     def _suffer(self) -> None:
         """Let the base suffer what was ordered of it since."""
@@ -123,3 +129,21 @@ class FarEnd:
     def _at_rest(self) -> bool:
         motion = self.body.measured
         return abs(motion.vx) < _REST and abs(motion.yaw_rate) < _REST
+
+
+class _Rival:
+    """Another host on the bus, which commands the base to stand at the base's own rate."""
+
+    def __init__(self, roles: Roles, clock: Clock) -> None:
+        self._codec = Codec(roles)
+        self._clock = clock
+        self._period_ns = round(roles.timing.command_period_s * clock.speed * 1e9)
+        self._count = self._due_ns = 0
+
+    def said(self) -> tuple[CanFrame, ...]:
+        """Return its frames if they are due."""
+        if (now_ns := self._clock.now_ns()) < self._due_ns:
+            return ()
+        self._due_ns = now_ns + self._period_ns
+        self._count += 1
+        return self._codec.command(ZERO, self._count)[1]

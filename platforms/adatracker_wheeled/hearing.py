@@ -34,7 +34,12 @@ class Heard:
     motion_t_ns: int = 0
     pose: Pose | None = None
     """By dead reckoning, from where the base stood when it was first heard."""
+    pose_t_ns: int = 0
     battery: float | None = None
+    battery_t_ns: int = 0
+    rival_id: int | None = None
+    """Of the newest frame with which somebody else on the bus commands the base."""
+    rival_t_ns: int = 0
 
     @property
     def at_rest(self) -> bool:
@@ -71,7 +76,10 @@ class Ear:
         self.heard = Heard(pose=self.heard.pose)
 
     def receive(self, frame: CanFrame, now_ns: int) -> None:
-        """Take in one frame, received at `now_ns`."""
+        """Take in one frame, received at `now_ns`; none of them is this side's own."""
+        if self._codec.is_command(frame):
+            self.heard = replace(self.heard, rival_id=frame.id, rival_t_ns=now_ns)
+            return
         try:
             reading = self._codec.parse(frame)
         except Malformed:
@@ -88,12 +96,12 @@ class Ear:
             heard = replace(heard, motion=reading.motion, motion_t_ns=now_ns)
             if not self._by_wheels:
                 self._reckoning = self._reckoning.moved(reading.motion, now_ns)
-                heard = replace(heard, pose=self._reckoning.pose)
+                heard = replace(heard, pose=self._reckoning.pose, pose_t_ns=now_ns)
         if reading.wheels_m is not None and self._by_wheels:
             self._reckoning = self._reckoning.rolled(reading.wheels_m, now_ns)
-            heard = replace(heard, pose=self._reckoning.pose)
+            heard = replace(heard, pose=self._reckoning.pose, pose_t_ns=now_ns)
         if reading.battery is not None:
-            heard = replace(heard, battery=reading.battery)
+            heard = replace(heard, battery=reading.battery, battery_t_ns=now_ns)
         self.heard = heard
 
     def explain_silence(self) -> str:
@@ -123,6 +131,14 @@ class Trouble:
     """Somebody else has the base: it is left to them."""
     by_hand: bool = False
     """Somebody at the robot wanted it: with the remote control or the emergency stop."""
+
+
+def rival(heard: Heard, since_ns: int) -> Trouble | None:
+    """Return the trouble with somebody else who commands the base, if one was heard after `since_ns`."""
+    if heard.rival_id is None or heard.rival_t_ns <= since_ns:
+        return None
+    why = f"somebody else on the bus commands the base (frames {heard.rival_id:#x}): end that program first"
+    return Trouble(why, taken=True, by_hand=True)
 
 
 def unfit(status: BaseStatus) -> Trouble | None:

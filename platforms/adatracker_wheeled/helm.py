@@ -35,12 +35,23 @@ class Helm:
         """Why consent went; empty while nothing unusual has happened."""
         self.taken_over = False
         """Consent went because somebody at the robot wanted it so."""
+        self.withdrawals = 0
+        """How often consent was taken away, whether or not there was any."""
         self._consent = False
 
-    def give_consent(self) -> None:
-        """Let commands out; forgets why they were stopped."""
+    def give_consent(self, withdrawals: int) -> None:
+        """Let commands out; forgets why they were stopped.
+
+        Args:
+            withdrawals: when whoever engages began to; a stop since then is newer than the wish to engage.
+
+        Raises:
+            PlatformError: there was such a stop.
+        """
         with self.lock:
-            self._consent, self.stopped, self.taken_over = True, "", False
+            if self.withdrawals == withdrawals:
+                self._consent, self.stopped, self.taken_over = True, "", False
+            self.require_consent()
 
     def require_consent(self) -> None:
         """Do nothing, or raise PlatformError when consent has gone."""
@@ -56,6 +67,8 @@ class Helm:
         with self.lock:
             self.require_consent()
             self.in_charge = True
+            if self.wire is not None:
+                self.wire.mark.set()
 
     def engage(self) -> None:
         """Let commands through: the base was heard to obey.
@@ -70,6 +83,7 @@ class Helm:
     def withdraw(self, reason: str = "") -> None:
         """Stop: zero three times to a base in this side's charge, then silence. The first reason stays."""
         with self.lock:
+            self.withdrawals += 1
             self.stopped = self.stopped or reason[:_LONGEST_REASON]  # first, for who reads without the lock
             self._consent = self.engaged = False
             if self.wire is not None and self.in_charge:
@@ -81,6 +95,7 @@ class Helm:
             self.in_charge = False
             if self.wire is not None:
                 self.wire.mute()
+                self.wire.mark.clear()
 
     def heed(self, trouble: Trouble | None) -> None:
         """Stop for trouble, and let go of a base that somebody else has taken."""

@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING
 
 from adatracker_deploy.errors import PlatformError, UsageError
 from adatracker_deploy.milestone import milestone
-from adatracker_deploy.platform import Body, Check, Platform, PlatformState, Sitl, Twist
+from adatracker_deploy.platform import Body, Check, Platform, PlatformState, Sitl, Twist, while_told
 from adatracker_wheeled.connection import Connection
 from adatracker_wheeled.engaging import enable
 from adatracker_wheeled.hearing import Heard, Trouble
 from adatracker_wheeled.helm import Helm
 from adatracker_wheeled.preflight import (
     battery_check,
+    control_check,
     frames_check,
     queue_check,
     status_checks,
@@ -34,6 +35,10 @@ if TYPE_CHECKING:
 
 _DISABLE_TIMEOUT_S = 0.2
 _REST_TIMEOUT_S = 3.0
+_POSE_TIMEOUT_S = 1.0
+"""Wheels that are not told for so long leave the place unknown; bases tell them 50 times a second."""
+_BATTERY_PERIODS = 5
+"""So many charges that do not come are a charge that is not told any more."""
 
 
 class WheeledPlatform(Platform):
@@ -53,12 +58,15 @@ class WheeledPlatform(Platform):
         super().__init__(profile, clock)
         self._connection: Connection = profile.connection
         self._timing = self._connection.roles.timing
+        self._battery_timeout_s = _BATTERY_PERIODS * self._timing.battery_period_s
         self._helm = Helm()
         self._turn = threading.Lock()
         self._closing = False
         self._sent_ns = 0
         self._told = 0
         """Malformed frames, when they were last told of."""
+        self._warned: frozenset[str] = frozenset()
+        """What the base has warned of and was told; each once, however often it comes and goes."""
 
     def connect(self) -> None:
         """Open the bus and wait for the base's state; sends nothing.
@@ -83,10 +91,12 @@ class WheeledPlatform(Platform):
         with self._turn:
             wire = self._connected()
             wire.wait(lambda heard: heard.motion_t_ns > 0, self._timing.feedback_timeout_s)
+            wire.listen(self._refuse_when_closing)
             if self._connection.roles.battery and self._connection.min_battery:
                 wire.wait(lambda heard: heard.battery is not None, 1.5 * self._timing.battery_period_s)
             return (
                 *status_checks(wire.heard, self._timing, self.clock.now_ns(), self.clock.speed),
+                control_check(wire.heard, wire.rival(), self._helm.in_charge, wire.mark.left_by()),
                 battery_check(wire.heard.battery, self._connection.min_battery),
                 timeout_check(self._timing),
                 frames_check(wire.ear.malformed),
@@ -102,11 +112,12 @@ class WheeledPlatform(Platform):
             PlatformError: the base is not fit or does not obey, or somebody called `hold`, `disengage` or
                 `close` meanwhile.
         """
+        withdrawals = self._helm.withdrawals
         with self._turn:
             wire = self._connected()
             if self._helm.engaged:
                 return
-            self._helm.give_consent()
+            self._helm.give_consent(withdrawals)
             try:
                 if wire.lost:
                     wire.reopen()
@@ -142,19 +153,26 @@ class WheeledPlatform(Platform):
             t_ns=max(heard.status_t_ns, heard.motion_t_ns),
             mode=heard.status.mode_name if heard.status else "",
             engaged=self._helm.engaged,
-            pose=heard.pose,
+            pose=while_told(heard.pose, heard.pose_t_ns, self.clock, _POSE_TIMEOUT_S),
             velocity=heard.motion,
-            battery=heard.battery,
+            battery=while_told(heard.battery, heard.battery_t_ns, self.clock, self._battery_timeout_s),
             stopped=self._helm.stopped,
             taken_over=self._helm.taken_over,
         )
 
     def notices(self) -> tuple[str, ...]:
-        """Tell of frames of the base's that could not be believed."""
+        """Tell of the base's warnings, and of frames of its that could not be believed."""
         wire = self._helm.wire
-        count = wire.ear.malformed if wire is not None else 0
+        if wire is None:
+            return ()
+        count, status = wire.ear.malformed, wire.heard.status
         told, self._told = self._told, count
-        return (f"CAN: {count} malformed frames were dropped",) if milestone(told, count) else ()
+        warnings = frozenset(filter(None, status.warning.split(", "))) if status is not None else frozenset()
+        new, self._warned = warnings - self._warned, self._warned | warnings
+        return (
+            *((f"CAN: {count} malformed frames were dropped",) if milestone(told, count) else ()),
+            *(f"the base warns of: {warning}" for warning in sorted(new)),
+        )
 
     def hold(self, reason: str) -> None:
         """Say zero three times, then nothing until an explicit `engage`; the base stays enabled."""
@@ -246,6 +264,8 @@ class WheeledPlatform(Platform):
             mine, self._helm.in_charge = self._helm.in_charge, False  # for good if `offer` finds the bus lost
             if mine:  # nobody has taken it meanwhile
                 self._helm.in_charge = not wire.offer(wire.codec.disable())
+                if not self._helm.in_charge:
+                    wire.mark.clear()
             return not self._helm.in_charge
 
     def _queue_checks(self) -> tuple[Check, ...]:

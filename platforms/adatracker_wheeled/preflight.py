@@ -7,9 +7,13 @@ from typing import TYPE_CHECKING
 from adatracker_deploy.platform import Check
 
 if TYPE_CHECKING:
-    from adatracker_wheeled.hearing import Heard
+    from adatracker_wheeled.hearing import Heard, Trouble
     from adatracker_wheeled.roles import Timing
 
+NOT_OURS = (
+    "the base is enabled already, and not by a run of yours that was killed: end the program that commands "
+    "it, or put the base into standby with its transmitter or by switching it off and on"
+)
 LONGEST_QUEUE = 10
 """Frames that the kernel may keep for a stalled bus; on recovery they all go out, however old."""
 
@@ -36,6 +40,12 @@ def status_checks(heard: Heard, timing: Timing, now_ns: int, speed: float) -> tu
             f"the base reports: {status.fault}; mend it and clear its errors" if status.fault else "none",
         ),
         Check(
+            "warnings",
+            not status.warning,
+            f"the base warns of: {status.warning}" if status.warning else "none",
+            blocking=False,
+        ),
+        Check(
             "remote control",
             not driven,
             "somebody drives: switch the transmitter to command mode" if driven else "does not drive",
@@ -48,6 +58,25 @@ def status_checks(heard: Heard, timing: Timing, now_ns: int, speed: float) -> tu
             else "no measured motion: check the feedback role against the base's manual",
         ),
     )
+
+
+def control_check(heard: Heard, rival: Trouble | None, in_charge: bool, left_by: int | None) -> Check:
+    """Judge who commands the base.
+
+    Args:
+        heard: of the base.
+        rival: somebody else who was heard to command it lately.
+        in_charge: this adapter has enabled it.
+        left_by: an ended process of this user's that had enabled it and never disabled it.
+    """
+    if rival is not None:
+        return Check("control", False, rival.reason)
+    if heard.status is None or heard.status.mode != "ours" or in_charge:
+        return Check("control", True, "nobody else commands the base")
+    if left_by is None:
+        return Check("control", False, NOT_OURS)
+    told = f"process {left_by} left the base enabled when it was killed; it is taken back through standby"
+    return Check("control", True, told)
 
 
 def battery_check(battery: float | None, needed: float) -> Check:

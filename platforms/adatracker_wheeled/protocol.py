@@ -48,6 +48,8 @@ class BaseStatus:
     emergency_stop: bool = False
     fault: str = ""
     """The named faults, comma-separated; empty while the base works."""
+    warning: str = ""
+    """The named conditions that stop nothing, comma-separated."""
     volts: float | None = None
     """Supply voltage, V."""
     count: int | None = None

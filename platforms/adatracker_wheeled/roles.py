@@ -46,6 +46,8 @@ class Scaled:
     scale: Annotated[float, Range(-1e9, 1e9)] = 1.0
 
 
+Bit = Annotated[int, Range(0, 63)]
+Bits = Bit | tuple[Bit, ...]
 Links = dict[str, str | Scaled]
 """From a quantity to the signal that carries it."""
 
@@ -90,22 +92,35 @@ class State:
     emergency_stop: tuple[int, ...] = ()
     errors: str | None = None
     """The signal whose bits are errors; every bit that is set and no warning is a fault."""
-    faults: dict[str, Annotated[int, Range(0, 63)]] = field(default_factory=dict)
-    """Names of its bits, 0 the least significant."""
-    warnings: tuple[Annotated[int, Range(0, 63)], ...] = ()
-    """Bits that stop nothing."""
+    faults: dict[str, Bits] = field(default_factory=dict)
+    """Names of its bits, 0 the least significant; several where the manuals of one base disagree."""
+    warnings: tuple[Bit, ...] | dict[str, Bits] = ()
+    """Bits that stop nothing; by their names they are told to the operator."""
     volts: str | None = None
     count: str | None = None
 
     def __post_init__(self) -> None:
         _once("mode", self.ours + self.standby + self.remote)
         _once("condition", self.ok + self.emergency_stop)
-        _once("error bit", (*self.faults.values(), *self.warnings))
+        _once("error bit", tuple(bit for bit, _ in (*named_bits(self.faults), *self.warned)))
         if not self.messages or not self.ours or not self.ok:
             raise UsageError("roles: state: messages, ours and ok each need at least one entry")
-        for name in self.faults:
+        for _, name in (*named_bits(self.faults), *self.warned):
             if "," in name or not name.isascii():
                 raise UsageError(f"roles: state: fault name {name!r} must be ASCII without a comma")
+
+    @property
+    def warned(self) -> tuple[tuple[int, str], ...]:
+        """Each bit that stops nothing, and its name; that is empty where the profile gives none."""
+        if isinstance(self.warnings, dict):
+            return named_bits(self.warnings)
+        return tuple((bit, "") for bit in self.warnings)
+
+
+def named_bits(names: dict[str, Bits]) -> tuple[tuple[int, str], ...]:
+    """Return each bit and its name."""
+    listed = {name: (bits,) if isinstance(bits, int) else bits for name, bits in names.items()}
+    return tuple((bit, name) for name, bits in listed.items() for bit in bits)
 
 
 def _once(what: str, values: tuple[int, ...]) -> None:

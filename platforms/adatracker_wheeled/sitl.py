@@ -16,6 +16,7 @@ import contextlib
 import dataclasses
 import importlib.util
 import json
+import secrets
 import sys
 from typing import TYPE_CHECKING
 
@@ -74,9 +75,11 @@ class WheeledSitl(Sitl):
         """
         _require_libraries()
         profile = self._profile
+        token = secrets.token_hex(16)
         ready = self._process.start(
             clock,
             [
+                *("--rehearsal-token", token),
                 *("--connection", json.dumps(dataclasses.asdict(profile.connection))),
                 *("--settings", json.dumps(dataclasses.asdict(profile.sitl))),
                 *("--camera-rate-hz", str(profile.camera.rate_hz)),
@@ -85,7 +88,12 @@ class WheeledSitl(Sitl):
             ],
         )
         connection = dataclasses.replace(
-            profile.connection, interface="socketcand", channel=CHANNEL, host="127.0.0.1", port=ready["port"]
+            profile.connection,
+            interface="socketcand",
+            channel=CHANNEL,
+            host="127.0.0.1",
+            port=ready["port"],
+            rehearsal_token=token,
         )
         camera = dataclasses.replace(profile.camera, uri=ready["camera"])
         return dataclasses.replace(profile, connection=connection, camera=camera)
@@ -171,7 +179,7 @@ def _bus(
     from adatracker_wheeled.socketcand import SocketcandServer
 
     try:
-        server = SocketcandServer(args.port, far_end.hear)
+        server = SocketcandServer(args.port, far_end.hear, args.rehearsal_token)
     except OSError as error:
         raise UsageError(f"TCP port {args.port}: {error.strerror}; give another with --port") from error
     stack.callback(server.close)
@@ -198,6 +206,7 @@ def _arguments() -> argparse.ArgumentParser:
     parser.add_argument("--camera-rate-hz", type=float, default=None, help="default: the profile's")
     parser.add_argument("--scene", default=Scenario().scene)
     parser.add_argument("--target-speed", type=float, default=Scenario().target_speed_m_s, help="m/s")
+    parser.add_argument("--rehearsal-token", default="", help="said to whoever asks with < rehearsal >")
     parser.add_argument("--connection", help="the profile's connection: section, as JSON")
     parser.add_argument("--settings", help="the profile's sitl: section, as JSON")
     add_arguments(parser)

@@ -24,7 +24,7 @@ MOST_CLIENTS = 8
 MOST_UNSENT = 1 << 16
 """Bytes that a client may leave unread before it is dropped: a stopped one must not fill the memory."""
 
-Request = CanFrame | Literal["open", "rawmode", "echo"]
+Request = CanFrame | Literal["open", "rawmode", "echo", "rehearsal"]
 
 
 class Parser:
@@ -60,7 +60,7 @@ def _request(line: bytes) -> Request | None:
             return None
         if words[1] == "send":
             return _frame(words[2:])
-        return next((known for known in ("open", "rawmode", "echo") if words[1] == known), None)
+        return next((known for known in ("open", "rawmode", "echo", "rehearsal") if words[1] == known), None)
     except (ValueError, IndexError):
         return None
 
@@ -112,13 +112,15 @@ class SocketcandServer:
     Args:
         port: TCP port; 0 takes any free one.
         hear: called in the server's thread with each frame that a client sends.
+        token: said to whoever asks with ``< rehearsal >``, so that a rehearsal knows its own far end.
 
     Raises:
         OSError: the port is in use.
     """
 
-    def __init__(self, port: int, hear: Callable[[CanFrame], None]) -> None:
+    def __init__(self, port: int, hear: Callable[[CanFrame], None], token: str = "") -> None:
         self._hear = hear
+        self._answers = {"echo": b"< echo >", "rehearsal": f"< rehearsal {token} >".encode()}
         self._listener = socket.create_server(("127.0.0.1", port))
         self._listener.setblocking(False)
         self.port: int = self._listener.getsockname()[1]
@@ -194,7 +196,7 @@ class SocketcandServer:
             else:
                 client.raw = client.raw or request == "rawmode"
                 with self._lock:
-                    client.unsent += b"< echo >" if request == "echo" else b"< ok >"
+                    client.unsent += self._answers.get(request, b"< ok >")
                     self._flush(client)
 
     def _flush(self, client: _Client) -> None:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from adatracker_deploy.errors import UsageError
 from adatracker_wheeled.dbc import Layout, Raw, Signal
 from adatracker_wheeled.protocol import BaseStatus, Mode
-from adatracker_wheeled.roles import State
+from adatracker_wheeled.roles import State, named_bits
 
 _NAMES: dict[Mode, str] = {"ours": "commanded", "standby": "standby", "remote": "remote control"}
 _WORST_FIRST: tuple[Mode, ...] = ("remote", "unknown", "standby", "ours")
@@ -30,15 +30,15 @@ class StatusCodec:
             "remote": state.remote,
         }
         self._modes: dict[Raw, Mode] = {raw: mode for mode, raws in meanings.items() for raw in raws}
-        self._faults = {bit: name for name, bit in state.faults.items()}
-        self._ignored = sum(1 << bit for bit in state.warnings)
+        self._faults = dict(named_bits(state.faults))
+        self._warnings = dict(state.warned)
         self._check_reach()
 
     def _check_reach(self) -> None:
         meant = (
             (self._mode, tuple(self._modes)),
             (self._condition, self._state.ok + self._state.emergency_stop),
-            (self._errors, tuple(1 << bit for bit in self._faults)),
+            (self._errors, tuple(1 << bit for bit in (*self._faults, *self._warnings))),
         )
         if self._errors and (self._errors.low < 0 or self._errors.float_format):
             raise UsageError(
@@ -55,22 +55,22 @@ class StatusCodec:
         mode = self._modes.get(raw, "unknown")
         condition = raws[self._condition.name] if self._condition else None
         stopped = condition in self._state.emergency_stop
-        faults = self._fault_names(int(raws[self._errors.name]) & ~self._ignored) if self._errors else []
+        bits = int(raws[self._errors.name]) if self._errors else 0
+        errors = [bit for bit in range(bits.bit_length()) if bits >> bit & 1]
+        faults = _names(
+            self._faults.get(bit, f"error bit {bit}") for bit in errors if bit not in self._warnings
+        )
         if not faults and not stopped and condition is not None and condition not in self._state.ok:
-            faults = [f"condition {condition}"]
+            faults = f"condition {condition}"
         return BaseStatus(
             mode=mode,
             mode_name=_NAMES.get(mode, f"mode {raw}"[:23]),
             emergency_stop=stopped,
-            fault=", ".join(faults),
+            fault=faults,
+            warning=_names(self._warnings.get(bit, "") for bit in errors),
             volts=self._volts.to_value(raws[self._volts.name]) if self._volts else None,
             count=int(raws[self._count.name]) if self._count else None,
         )
-
-    def _fault_names(self, bits: int) -> list[str]:
-        return [
-            self._faults.get(bit, f"error bit {bit}") for bit in range(bits.bit_length()) if bits >> bit & 1
-        ]
 
     def write(self, status: BaseStatus, count: int) -> dict[str, Raw]:
         """Return the signals with which a base would say `status`.
@@ -79,9 +79,9 @@ class StatusCodec:
             UsageError: the profile names no way to say it.
         """
         raws: dict[str, Raw] = {self._mode.name: self._raw_mode(status.mode)}
-        bits = {self._state.faults[name] for name in status.fault.split(", ") if name in self._state.faults}
+        bits = _bits(self._faults, status.fault)
         if self._errors:
-            raws[self._errors.name] = sum(1 << bit for bit in bits)
+            raws[self._errors.name] = sum(1 << bit for bit in bits | _bits(self._warnings, status.warning))
         if self._condition:
             raws[self._condition.name] = self._raw_condition(self._condition, status)
         elif status.emergency_stop or (status.fault and not bits):
@@ -110,6 +110,17 @@ class StatusCodec:
         return _unused(condition, self._state.ok + self._state.emergency_stop)
 
 
+def _names(names: Iterable[str]) -> str:
+    """Return names once each, comma-separated; two bits of one meaning say it once."""
+    return ", ".join(filter(None, dict.fromkeys(names)))
+
+
+def _bits(names: dict[int, str], said: str) -> set[int]:
+    """Return the first bit of each name that is said."""
+    first = {name: bit for bit, name in reversed(names.items()) if name}
+    return {first[name] for name in said.split(", ") if name in first}
+
+
 def _unused(signal: Signal, taken: Sequence[Raw]) -> Raw:
     """Return the first number that a signal can say and that has no meaning."""
     for raw in range(int(signal.low), int(signal.high) + 1):
@@ -123,12 +134,16 @@ def worst(statuses: Sequence[BaseStatus]) -> BaseStatus:
     if len(statuses) == 1:
         return statuses[0]
     lead = min(statuses, key=lambda status: _WORST_FIRST.index(status.mode))
-    faults = dict.fromkeys(name for status in statuses for name in status.fault.split(", ") if name)
+    faults, warnings = (
+        _names(name for said in column for name in said.split(", "))
+        for column in zip(*((status.fault, status.warning) for status in statuses), strict=True)
+    )
     return BaseStatus(
         mode=lead.mode,
         mode_name=lead.mode_name,
         emergency_stop=any(status.emergency_stop for status in statuses),
-        fault=", ".join(faults),
+        fault=faults,
+        warning=warnings,
         volts=min((status.volts for status in statuses if status.volts is not None), default=None),
         count=lead.count,
     )

@@ -8,9 +8,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.platform import ZERO
+from adatracker_deploy.runtime.charge import ChargeMark
+from adatracker_deploy.runtime.ownership import Claim
+from adatracker_deploy.runtime.suspend import SuspendWatch
 from adatracker_wheeled.bus import Bus
 from adatracker_wheeled.codec import Codec
-from adatracker_wheeled.hearing import Ear, Heard, Trouble, trouble
+from adatracker_wheeled.hearing import Ear, Heard, Trouble, rival, trouble
 from adatracker_wheeled.transmitter import Transmitter
 
 if TYPE_CHECKING:
@@ -22,6 +26,8 @@ if TYPE_CHECKING:
     from adatracker_wheeled.protocol import CanFrame
 
 _TICK_NS = 20_000_000
+_RIVAL_S = 0.5
+"""Whoever commands the base is heard at least so often: the longest time-out of AgileX's bases."""
 _LAST_WORDS_S = 0.2
 """Three zeros 20 ms apart, with room."""
 
@@ -37,7 +43,7 @@ class Wire:
 
     Raises:
         UsageError: the roles do not fit the DBC, or the connection's settings cannot work.
-        PlatformError: the bus cannot be opened.
+        PlatformError: the bus cannot be opened, or another program on this machine has it.
     """
 
     def __init__(
@@ -51,7 +57,17 @@ class Wire:
         self._clock = clock
         self._on_news = on_news
         self._count = 0
-        self._bus = Bus.open(connection, self._hear)
+        self._suspends = SuspendWatch(clock)
+        self._driven_ns = 0
+        """Somebody else's commands count as trouble from then on."""
+        self.mark = ChargeMark(connection.robot)
+        self._claim = Claim(connection.robot)
+        try:
+            self._bus = Bus.open(connection, self._hear)
+        except BaseException:
+            self._claim.close()
+            raise
+        self._opened_ns = clock.now_ns()
         self.transmitter = Transmitter(
             self._put, clock, self._timing.command_period_s, limits.command_timeout_s * clock.speed
         )
@@ -73,9 +89,37 @@ class Wire:
 
     def trouble(self, now_ns: int) -> Trouble | None:
         """Judge whether a base that is driven may be driven on."""
+        return self.estranged() or trouble(self.heard, self._timing, now_ns, self._clock.speed)
+
+    def begin(self) -> None:
+        """Mean to drive from now on: who commands the base, and a suspend, are watched for."""
+        self._suspends.begin()
+        self._driven_ns = self._clock.now_ns() - self._rival_ns
+
+    def estranged(self) -> Trouble | None:
+        """Return why this side must not command the base, whatever that says of itself."""
         if self._bus.lost:
             return Trouble(self._bus.lost)
-        return trouble(self.heard, self._timing, now_ns, self._clock.speed)
+        if why := self._suspends.trouble():
+            return Trouble(why)
+        return rival(self.heard, self._driven_ns)
+
+    def rival(self) -> Trouble | None:
+        """Return the trouble with somebody else who has commanded the base lately."""
+        return rival(self.heard, self._clock.now_ns() - self._rival_ns)
+
+    def listen(self, meanwhile: Callable[[], None], seconds: float | None = None) -> None:
+        """Wait until the bus has been listened to for so long, by default for as long as a host is silent."""
+        enough_ns = self._rival_ns if seconds is None else round(seconds * self._clock.speed * 1e9)
+        until_ns = self._opened_ns + enough_ns
+        left_s = (until_ns - self._clock.now_ns()) / 1e9 / self._clock.speed
+        self.wait(lambda _: self._clock.now_ns() >= until_ns, left_s + _RIVAL_S, meanwhile)
+
+    @property
+    def _rival_ns(self) -> int:
+        """Whoever was not heard for longer commands the base no more: it has stopped by itself."""
+        seconds = max(_RIVAL_S, self._timing.base_timeout_s)
+        return round(seconds * self._clock.speed * 1e9)
 
     def command(self, twist: Twist, now_ns: int) -> Twist:
         """Let a velocity made at `now_ns` go out; return the one that its frames really say.
@@ -128,6 +172,7 @@ class Wire:
         self._bus.close()
         self.ear.forget()
         self._bus = Bus.open(self._connection, self._hear)
+        self._opened_ns = self._clock.now_ns()
 
     def hear_state(self, meanwhile: Callable[[], None]) -> None:
         """Wait for the base's first state on a bus that was just opened.
@@ -160,9 +205,10 @@ class Wire:
         return True
 
     def close(self) -> None:
-        """End both threads and release the device."""
+        """End both threads, release the device, and let others have the bus."""
         self.transmitter.close()
         self._bus.close()
+        self._claim.close()
 
     def _hear(self, frame: CanFrame | None) -> None:
         if frame is not None:
@@ -170,7 +216,14 @@ class Wire:
         self._on_news()
 
     def _put(self, twist: Twist) -> None:
-        """Put one command on the bus, from the transmit thread; a full bus drops it."""
+        """Put one command on the bus, from the transmit thread; a full bus drops it.
+
+        Raises:
+            PlatformError: the bus is lost; or the command moves the base, and the machine was suspended or
+                somebody else commands the base.
+        """
+        if twist != ZERO and (found := self.estranged()):
+            raise PlatformError(found.reason)  # it latches with the next frame that is heard
         _, frames = self.codec.command(twist, self._count)
         self._count += 1
         for frame in frames:

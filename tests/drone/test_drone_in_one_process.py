@@ -5,25 +5,34 @@ from __future__ import annotations
 import threading
 
 import pytest
-from test_platform_sitl import rehearsal_profile
+from test_platform_sitl import AgainstTheManual, rehearsal_profile
 
+from adatracker_deploy.far_end import Orders
 from adatracker_deploy.platform import Sitl
-from adatracker_deploy.testing.conformance import PlatformConformance
 from adatracker_drone.far_end import FarEnd
 from adatracker_drone.platform import DronePlatform
+from adatracker_drone.sitl import DroneSitl
 
 pytestmark = pytest.mark.slow
 
 
 class InAThread(Sitl):
+    faults = DroneSitl.faults
+
     def __init__(self, profile):
         self._profile = profile
         self._ended = threading.Event()
         self._thread = None
+        self._orders = Orders()
+
+    def order(self, line):
+        self._orders.obey(line)
 
     def start(self, clock, scenario):
         port = int(self._profile.connection.url.rpartition(":")[2])
-        far_end = FarEnd(self._profile.sitl, scenario.seed, clock.speed, [("127.0.0.1", port)])
+        far_end = FarEnd(
+            self._profile.sitl, scenario.seed, clock.speed, [("127.0.0.1", port)], orders=self._orders
+        )
         self._thread = threading.Thread(target=far_end.serve, args=(clock, self._ended))
         self._thread.start()
         return self._profile
@@ -40,7 +49,7 @@ class InOneProcess(DronePlatform):
         return InAThread(profile)
 
 
-class TestDroneInOneProcess(PlatformConformance):
+class TestDroneInOneProcess(AgainstTheManual):
     platform_class = InOneProcess
     clock_speed = 3.0
     cruise_m_s = 1.0

@@ -6,6 +6,7 @@ import select
 import socket
 import threading
 import time
+from typing import ClassVar
 
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
@@ -19,6 +20,11 @@ from adatracker_drone.platform import DronePlatform
 
 pytestmark = pytest.mark.slow
 
+SET_POINTS = {
+    Twist(vx=0.5): (b'"coordinate_frame": 8'.hex(), b'"vx": 0.5'.hex()),
+    Twist(yaw_rate=0.25): b'"yaw_rate": -0.25'.hex(),  # clockwise is positive
+}
+"""SET_POSITION_TARGET_LOCAL_NED by MAVLink's common.xml, as MAVSDK takes it; 8 is MAV_FRAME_BODY_NED."""
 POSCTL, HOLD = (3, 0), (4, 3)
 """PX4's main and sub modes."""
 
@@ -39,7 +45,15 @@ def rehearsal_profile(**sitl):
     )
 
 
-class TestDroneInSitl(PlatformConformance):
+class AgainstTheManual(PlatformConformance):
+    manual: ClassVar = SET_POINTS
+    says = "adatracker_drone.vehicle:set_point_json"
+
+    def said(self, *values):
+        return values[-1].encode()
+
+
+class TestDroneInSitl(AgainstTheManual):
     platform_class = DronePlatform
     clock_speed = 5.0
     cruise_m_s = 1.0

@@ -90,14 +90,14 @@ def test_a_row_that_goes_wrong_is_run_again_where_the_machine_stood_still_or_it_
         assert list(folder.iterdir()) == []
         return next(left)
 
-    result = faults._until_calm(faults.Job(row, "wheeled", alone), Stalls())
+    result = faults._until_calm(faults.Job(row, alone), Stalls())
     assert (result.verdict, result.tries) == (verdict, tries)
     assert next(left, None) is None
     assert not any(folder.exists() for folder in folders)
 
 
 class Yard:
-    """Rows that note which others run, and each robot's first waits for another robot's."""
+    """Rows that note which others run; the first ones wait until all of these do."""
 
     def __init__(self, robots):
         self.together = threading.Barrier(robots)
@@ -114,20 +114,20 @@ class Yard:
             self.running.remove(platform)
             return dataclasses.replace(answer(next(left)), platform=platform)
 
-        return faults.Job(run, platform, alone)
+        return faults.Job(run, alone)
 
 
-def test_robots_are_rehearsed_side_by_side_and_never_one_beside_itself():
+def test_rows_are_rehearsed_side_by_side_of_one_robot_too():
     yard, told = Yard(robots=2), []
-    jobs = [yard.job(name, "ok") for name in ("drone", "drone", "wheeled", "wheeled", "wheeled")]
+    jobs = [yard.job(name, "ok") for name in ("drone", "drone", "drone", "wheeled", "wheeled")]
     results = faults._run_all(jobs, 2, Stalls(), told.append)
-    assert [result.platform for result in results] == ["drone"] * 2 + ["wheeled"] * 3
+    assert [result.platform for result in results] == ["drone"] * 3 + ["wheeled"] * 2
+    assert yard.seen[1] == (("drone", "drone"), False)
     assert {len(running) for running, _ in yard.seen} == {1, 2}
-    assert all(len(set(running)) == len(running) for running, _ in yard.seen)
     assert len(told) == 5
 
 
-def test_rows_of_timing_and_those_that_went_wrong_beside_another_run_alone():
+def test_rows_of_timing_and_those_that_went_wrong_beside_another_run_alone_and_the_first_failure_stays():
     yard, told = Yard(robots=2), []
     jobs = [
         yard.job("drone", "ok", alone=True),
@@ -138,8 +138,32 @@ def test_rows_of_timing_and_those_that_went_wrong_beside_another_run_alone():
     assert [result.verdict for result in results] == ["ok"] * 3
     assert yard.seen[2:] == [(("drone",), True), (("drone",), False)]
     assert [result.platform for result in told] == ["wheeled", "drone", "drone"]
+    assert results[1].first_failure.startswith("beside others, LATE")
+    assert not results[0].first_failure
+    assert not results[2].first_failure
 
 
 def test_a_row_that_is_wrong_alone_too_is_wrong():
-    jobs = [faults.Job(lambda *_: answer("LATE"), "wheeled")]
+    jobs = [faults.Job(lambda *_: answer("LATE"))]
     assert [result.verdict for result in faults._run_all(jobs, 2, Stalls(), lambda _: None)] == ["LATE"]
+
+
+def test_every_first_failure_is_told_and_counted(capsys, monkeypatch):
+    once = iter([answer("WRONG", 0.2), answer("ok")])
+    monkeypatch.setattr(faults, "_jobs", lambda _: [faults.Job(lambda *_: next(once))])
+    monkeypatch.setattr(faults, "_absent", lambda _: [])
+    assert main(["faults", "--json"]) == 0
+    captured = capsys.readouterr()
+    (told,) = json.loads(captured.out)["faults"]
+    assert told["first_failure"] == "WRONG (limit ), machine stalled 0.20 s"
+    assert "first try of wheeled link_kill: WRONG" in captured.err
+    assert "not as they should be at their first try: 1" in captured.err
+
+
+def test_phases_are_chosen_by_name(capsys):
+    assert main(["faults", "--platform", "drone", "--phase", "between", "--fault", "link_kill"]) == 0
+    assert "drone link_kill@between: no link and no camera then" in " ".join(capsys.readouterr().out.split())
+    assert main(["faults", "--phase", "landing"]) == 2
+    assert "connecting" in capsys.readouterr().err
+    assert main(["faults", "--fault", "interrupt@landing"]) == 2
+    assert "unknown to the matrix" in capsys.readouterr().err

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.faults.catalogue import CAMERA_GONE, OURS, Fault, known_faults
-from adatracker_deploy.faults.schedule import LATEST_S, Strike, parse_schedule, timeline
+from adatracker_deploy.faults.phases import IN_FLIGHT, ORDER, TrialPhase
+from adatracker_deploy.faults.schedule import LATEST_S, Strike, next_due, parse_schedule
 from adatracker_deploy.runtime.loop import BLIND_S
 
 KNOWN = known_faults((CAMERA_GONE,))
@@ -44,10 +45,13 @@ def test_anything_else_is_refused_in_one_line_or_is_a_schedule(text):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", "expected NAME@SECONDS, for example action_jump@5"),
+        ("", "expected NAME@SECONDS, NAME@PHASE or NAME@PHASE+SECONDS, for example action_jump@5"),
+        ("link_kill@landing", "this robot's phases are connecting"),
+        ("link_kill@stopping+", "expected NAME@SECONDS"),
+        ("policy_hang@looking,policy_hang@looking+1", "policy_hang@looking+1: it lasts until 2 s"),
         ("link_kill", "expected NAME@SECONDS"),
         ("link_kill@-1", "expected NAME@SECONDS"),
-        ("link_kill@nan", "expected NAME@SECONDS"),
+        ("link_kill@nan", "this robot's phases are connecting"),
         ("link_kill@1e3", "expected NAME@SECONDS"),
         ("link_kill@3,", "expected NAME@SECONDS"),
         ("link_kill@3600.5", "3600.5 s is out of range [0, 3600]"),
@@ -70,27 +74,38 @@ def test_a_fault_that_is_over_may_come_again():
     assert [strike.at_s for strike in strikes] == [3.0, 5.5]
 
 
-@given(st.lists(st.builds(Strike, st.sampled_from(OURS), TIMES), max_size=10))
-def test_every_strike_begins_and_what_lasts_ends_after_as_long(strikes):
-    moments = timeline(strikes)
-    assert [moment.at_s for moment in moments] == sorted(moment.at_s for moment in moments)
-    begun = [(moment.fault, moment.at_s) for moment in moments if moment.begins]
-    ended = [(moment.fault, moment.at_s) for moment in moments if not moment.begins]
-    assert sorted(begun, key=str) == sorted(((s.fault, s.at_s) for s in strikes), key=str)
-    assert sorted(ended, key=str) == sorted(
-        ((s.fault, s.at_s + s.fault.lasts_s) for s in strikes if s.fault.lasts_s), key=str
+@given(NAMES, st.sampled_from(ORDER), TIMES)
+def test_a_strike_is_written_as_it_is_read(name, phase, at_s):
+    strike = Strike(KNOWN[name], at_s, phase)
+    (read,) = parse_schedule([f"{name}@{phase}+{at_s:.3f}"], KNOWN, flies=True)
+    assert read == strike
+    if at_s == round(at_s, 3) and at_s < 1000:  # as many digits as %g shows
+        assert parse_schedule([str(strike)], KNOWN, flies=True) == (strike,)
+
+
+def test_phases_are_named_come_in_their_order_and_a_climb_is_a_drones():
+    strikes = parse_schedule(
+        ["interrupt@stopping+0.2", "link_kill@3,suspend@climbing", "link_stop@connecting"], KNOWN, flies=True
     )
-
-
-def test_one_that_ends_as_another_begins_ends_first():
-    hang = KNOWN["policy_hang"]
-    moments = timeline([Strike(hang, 1.0), Strike(hang, 3.0)])
-    assert [(moment.at_s, moment.begins) for moment in moments] == [
-        (1.0, True),
-        (3.0, False),
-        (3.0, True),
-        (5.0, False),
+    assert [str(strike) for strike in strikes] == [
+        "link_stop@connecting",
+        "suspend@climbing",
+        "link_kill@3",
+        "interrupt@stopping+0.2",
     ]
+    for phase in IN_FLIGHT:
+        with pytest.raises(UsageError, match="phases are connecting, engaging, looking"):
+            parse_schedule([f"interrupt@{phase}"], KNOWN)
+
+
+@given(st.lists(st.builds(Strike, st.sampled_from(OURS), TIMES, st.sampled_from(ORDER)), max_size=10))
+def test_what_is_due_next_is_the_soonest_of_the_phases_that_were_entered(strikes):
+    entered = {TrialPhase.CONNECTING: 100.0, TrialPhase.FOLLOWING: 105.0}
+    due = next_due(strikes, entered)
+    times = [entered[strike.phase] + strike.at_s for strike in strikes if strike.phase in entered]
+    assert (due is None) == (not times)
+    if due is not None:
+        assert due[0] == min(times) == entered[due[1].phase] + due[1].at_s
 
 
 def test_a_far_ends_own_way_comes_before_ours():

@@ -10,6 +10,7 @@ from rich.console import Console
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.faults.judge import Result
 from adatracker_deploy.faults.matrix import NOT_SHOWN
+from adatracker_deploy.faults.phases import TrialPhase
 from adatracker_deploy.faults.table import BEGIN, END, markdown, results_table, write_markdown
 
 ABSENT = Result(platform="drone", fault="camera_gone", says="", limit="", note="there is no server")
@@ -21,6 +22,7 @@ RESULTS = [
         limit="told 0.3 s",
         value_s=0.21,
         told_s=0.21,
+        onset_m_s=0.84,
         stands_s=0.55,
         stall_s=0.012,
         outcome="system_fault",
@@ -53,7 +55,7 @@ def shown(results) -> str:
 
 def test_a_terminal_of_80_columns_shows_everything():
     text = shown(RESULTS)
-    assert "camera_gone wheeled   told 0.3 s 0.21" in text
+    assert text.split("camera_gone wheeled")[1].split()[:6] == ["told", "0.3", "s", "0.21", "0.84", "0.55"]
     assert "LATE (3)" in text
     assert "drone camera_gone: there is no server" in text
     assert all(f"{name}: " in text for name in NOT_SHOWN)
@@ -66,13 +68,13 @@ def test_markdown_puts_robots_side_by_side_and_leaves_the_rest_of_the_file_alone
     for _ in range(2):  # and again: nothing piles up
         write_markdown(path, RESULTS, "2030-01-02")
     text = path.read_text()
-    assert text.startswith(f"# Before\n\n{BEGIN}\nMeasured on 2030-01-02")
+    assert text.startswith(f"# Before\n\n{BEGIN}\nWhile the robot follows, measured on 2030-01-02")
     assert text.endswith(f"{END}\n\nAfter\n")
     assert "\nold\n" not in text
     assert "| fault | what happens | limit | wheeled | quadruped | drone |" in text
     (line,) = (line for line in text.splitlines() if line.startswith("| `camera_gone`"))
     assert line == (
-        "| `camera_gone` | it is gone | told 0.3 s: a promise | 0.21, stands 0.55 (0.01) | "
+        "| `camera_gone` | it is gone | told 0.3 s: a promise | at 0.8, 0.21, stands 0.55 (0.01) | "
         "0.41, stands 0.90 (0.20) **LATE**: system_fault | not shown: there is no server |"
     )
 
@@ -106,3 +108,40 @@ def test_faults_stand_in_the_matrix_order_and_limits_that_differ_with_their_robo
     )
     assert "| drone stands 3 s, wheeled stands 2 s |" in text
     assert text.index("`camera_freeze`") < text.index("`link_stop`")
+
+
+CLIMBING = Result(
+    platform="drone",
+    fault="interrupt",
+    phase=TrialPhase.CLIMBING,
+    variant=" to 9 m",
+    says="Ctrl-C",
+    limit="climbs 0.5 s",
+    value_s=0.31,
+    told_s=0.0,
+    stands_s=0.0,
+    outcome="interrupted",
+    reason="stopped by the operator",
+    noticed="tracker",
+    again="engages again",
+    verdict="ok",
+)
+
+
+def test_other_phases_have_a_table_of_their_own_that_tells_who_noticed_and_what_a_second_run_did():
+    text = markdown(
+        [*RESULTS, CLIMBING, replace(CLIMBING, phase=TrialPhase.CONNECTING, variant="")], "2030-01-02"
+    )
+    first, second = text.split("In the other phases.")
+    assert "`interrupt`" not in first
+    lines = [line for line in second.splitlines() if "`interrupt`" in line]
+    assert [line.split("|")[1].strip() for line in lines] == ["connecting", "climbing to 9 m"]
+    assert "0.31, stands 0.00 (0.00); tracker: stopped by the operator; then engages again" in lines[1]
+
+
+def test_a_terminal_shows_each_phase_under_its_name():
+    text = shown([CLIMBING, *RESULTS])
+    assert "climbing:" in text
+    assert "interrupt to 9 m drone" in text
+    assert text.index("climbing:") < text.index("following:") < text.index("camera_gone")
+    assert "…" not in text

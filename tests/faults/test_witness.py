@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -65,3 +66,26 @@ def test_a_line_that_was_cut_off_counts_as_none():
 @given(st.text())
 def test_rubbish_is_no_story_and_no_error(text):
     assert isinstance(read_witness(text), Account)
+
+
+def test_a_flight_its_phases_and_who_is_who_are_read_as_they_were_written(tmp_path):
+    path = tmp_path / "witness.txt"
+    witness = Witness(path)
+    witness.process("robot")
+    witness.phase("climbing")
+    for armed in (False, True, True):  # only changes are written
+        witness.mode("TAKEOFF", armed=armed)
+    witness.flight(0.8, 1.25)
+    witness.speed(0.4)
+    witness.suffers("link_drop")
+    witness.stood(0.104)
+    witness.close()
+    account = read_witness(path.read_text())
+    assert [(mode, armed) for _, mode, armed in account.modes] == [("TAKEOFF", False), ("TAKEOFF", True)]
+    assert [(moment.up_m_s, moment.height_m) for moment in account.flight] == [(0.8, 1.25)]
+    last_ns = account.stood[0][0]
+    assert (account.phase_at(last_ns), account.phase_at(0)) == ("climbing", "")
+    assert (account.speed_at(last_ns), account.speed_at(0)) == (0.4, 0.0)
+    assert (account.process("robot"), account.process("tracker")) == (os.getpid(), None)
+    assert [name for _, name in account.suffered] == ["link_drop"]
+    assert account.over_ns("link_drop") is None

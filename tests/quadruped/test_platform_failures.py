@@ -21,6 +21,7 @@ from adatracker_quadruped.outlet import Outlet
 from adatracker_quadruped.platform import QuadrupedPlatform
 from adatracker_quadruped.sitl_keys import Fault
 from adatracker_quadruped.wire import Wire
+from tests.other_machine import OfAnotherMachine
 from tests.quadruped.rehearsal import (
     by_hand,
     connected,
@@ -152,7 +153,8 @@ def test_the_preflight_refuses_a_robot_that_is_not_fit(fault, check):
             until(lambda: refused(platform) == [check])
 
 
-def test_a_second_host_is_refused_until_the_first_has_left():
+def test_a_second_host_is_refused_until_the_first_has_left(monkeypatch):
+    monkeypatch.setattr("adatracker_quadruped.wire.Claim", OfAnotherMachine)
     with far_end() as (_, profile):
         with connected(profile) as first:
             with QuadrupedPlatform(profile, MonotonicClock()) as second:

@@ -2,30 +2,40 @@
 
 import dataclasses
 import threading
+from typing import ClassVar
 
 import pytest
 
+from adatracker_deploy.far_end import Orders
 from adatracker_deploy.platform import Sitl
 from adatracker_deploy.testing.conformance import PlatformConformance
 from adatracker_quadruped.camera_topic import with_camera
 from adatracker_quadruped.far_end import FarEnd, Robot
 from adatracker_quadruped.platform import QuadrupedPlatform
+from adatracker_quadruped.sitl_keys import ON_DEMAND
 from tests.quadruped.rehearsal import rehearsed
 from tests.quadruped.routers import free_port
+from tests.quadruped.test_platform_sitl import TWIST
 
 pytestmark = pytest.mark.slow
 
 
 class InAThread(Sitl):
+    faults = ON_DEMAND
+
     def __init__(self, profile):
         self._profile = profile
         self._ended = threading.Event()
         self._thread = None
+        self._orders = Orders()
+
+    def order(self, line):
+        self._orders.obey(line)
 
     def start(self, clock, scenario):
         connection = dataclasses.replace(with_camera(self._profile), endpoint=f"tcp/127.0.0.1:{free_port()}")
         robot = Robot(connection=connection, sitl=self._profile.sitl, camera_hz=1.0)  # nobody watches
-        far_end = FarEnd(robot, scenario, clock)
+        far_end = FarEnd(robot, scenario, clock, self._orders)
         self._thread = threading.Thread(target=far_end.serve, args=(self._ended,))
         self._thread.start()
         return dataclasses.replace(self._profile, connection=connection)
@@ -45,6 +55,8 @@ class InOneProcess(QuadrupedPlatform):
 class TestQuadrupedInOneProcess(PlatformConformance):
     platform_class = InOneProcess
     clock_speed = 2.0
+    manual: ClassVar = TWIST
+    says = "adatracker_quadruped.outlet:Outlet.put"
 
     @pytest.fixture(scope="class")
     @classmethod

@@ -69,7 +69,7 @@ def test_a_follower_commands_hears_and_sees_whether_the_robot_lives(connection):
         odometry = Outlet(robot, "odom", attaches=False)
         wire = Wire(connection, MonotonicClock())
         try:
-            assert not wire.has_rival
+            assert wire.lease.owned
             until(lambda: hosts.try_recv() is not None)
 
             def heard():

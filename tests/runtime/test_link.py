@@ -412,3 +412,18 @@ def test_a_robot_is_stopped_without_a_new_thread(monkeypatch):
     eventually(lambda: rig.platform.state().stopped == "enough")
     rig.link.disengage("enough")
     eventually(lambda: rig.link.status.phase is Phase.DONE)
+
+
+def test_a_robot_that_falls_silent_while_it_engages_is_given_up():
+    class Silent(SlowToEngage):
+        def state(self):
+            return replace(super().state(), t_ns=1)
+
+    rig = threaded(Silent)
+    rig.platform.goes_on.set()
+    rig.link.engage()
+    assert rig.platform.begins.wait(5)
+    timeout_s = rig.profile.limits.state_timeout_s
+    assert rig.step(timeout_s - 0.1, ZERO).phase is Phase.ENGAGING
+    assert rig.step(0.2, ZERO).phase is Phase.DISENGAGING
+    assert rig.link.status.reasons == (Reason.STATE_LOST,)

@@ -1,15 +1,19 @@
 """The conformance suite is itself tested: a robot that breaks one promise fails the test of that promise."""
 
+import contextlib
 import dataclasses
 import math
+import threading
+from typing import ClassVar
 
 import pytest
 
 from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.platform import ZERO, Check, Twist
+from adatracker_deploy.platform import ZERO, Check, Scenario, Twist
 from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_deploy.testing import fake
 from adatracker_deploy.testing.conformance import STOPS, PlatformConformance
-from adatracker_deploy.testing.fake import FakeConnection, FakePlatform, fake_profile
+from adatracker_deploy.testing.fake import FakeConnection, FakeFarEnd, FakePlatform, fake_profile
 from adatracker_deploy.world.bodies import KinematicBody
 
 
@@ -59,6 +63,26 @@ class BlocksInState(FakePlatform):
     def state(self):
         self.clock.sleep_until(self.clock.now_ns() + 100_000_000)
         return super().state()
+
+
+class HoldsItsLockWhileItSends(FakePlatform):
+    def send(self, command, now_ns):
+        with self._lock:
+            threading.Event().wait(0.031)
+            return super().send(command, now_ns)
+
+
+class IgnoresSilence(FakePlatform):
+    def _unheard_s(self):
+        return 0.0
+
+
+class DrivesOnWhenItIsHeardAgain(FakePlatform):
+    def send(self, command, now_ns):
+        self._catch_up()
+        if self._engaged and self._unheard_s() > 0.3:
+            raise PlatformError("the robot is not heard just now")
+        return super().send(command, now_ns)
 
 
 class FailsItsPreflight(FakePlatform):
@@ -115,6 +139,7 @@ def engaged(mutant):
         (ForgetsItsStop, "test_hold_latches_until_an_explicit_engage", engaged),
         (NeverTimesOut, "test_a_silent_sender_is_stopped_by_the_robots_own_time_out", engaged),
         (BlocksInState, "test_state_never_blocks_and_tells_its_age", engaged),
+        (HoldsItsLockWhileItSends, "test_state_never_blocks_and_tells_its_age", engaged),
         (CannotBeStoppedTwice, "test_an_engaged_robot_can_be_stopped_in_any_order_and_twice", engaged),
     ],
     ids=lambda value: getattr(value, "__name__", ""),
@@ -129,6 +154,56 @@ def test_a_robot_that_engages_through_a_stop_fails():
     for stop in STOPS:
         with pytest.raises((AssertionError, pytest.fail.Exception)):
             suite.test_a_stop_from_another_thread_ends_an_engage(connected(EngagesThroughAStop), stop)
+
+
+@pytest.mark.parametrize("mutant", [IgnoresSilence, DrivesOnWhenItIsHeardAgain])
+def test_a_robot_that_drives_on_through_or_after_silence_fails(mutant):
+    promise = suite.test_a_robot_that_fell_silent_and_is_heard_again_stays_stopped
+    for fit, robot in ((True, FakePlatform), (False, mutant)):
+        suite.platform_class = robot
+        sitl = robot.sitl(PROFILE)
+        platform = robot(sitl.start(MonotonicClock(speed=10.0), Scenario()), MonotonicClock(speed=10.0))
+        platform.connect()
+        platform.engage()
+        with contextlib.nullcontext() if fit else pytest.raises((AssertionError, pytest.fail.Exception)):
+            promise(sitl, platform)
+
+
+def test_a_far_end_that_cannot_be_silent_is_told_what_to_do(monkeypatch):
+    monkeypatch.setattr(FakeFarEnd, "faults", ())
+    with pytest.raises(AssertionError, match="let the far end obey robot_silent"):
+        suite.test_a_robot_that_fell_silent_and_is_heard_again_stays_stopped(
+            FakePlatform.sitl(PROFILE), engaged(FakePlatform)
+        )
+
+
+class AgainstTheManual(PlatformConformance):
+    platform_class = FakePlatform
+    manual: ClassVar = {
+        Twist(vx=0.5): "000000000000e03f" + "00" * 8,
+        Twist(yaw_rate=0.25): "00" * 8 + "000000000000d03f",
+    }
+    says = "adatracker_deploy.testing.fake:to_wire"
+
+
+@pytest.mark.parametrize("wrong", ["yaw_rate", "vx"])
+def test_a_sign_that_is_wrong_on_both_sides_of_the_wire_fails(monkeypatch, wrong):
+    def turned(command):
+        return dataclasses.replace(command, **{wrong: -getattr(command, wrong)})
+
+    promise = AgainstTheManual().test_the_bytes_on_the_wire_are_those_of_the_manual
+    promise(engaged(FakePlatform))
+    to_wire, from_wire = fake.to_wire, fake.from_wire
+    monkeypatch.setattr(fake, "to_wire", lambda command: to_wire(turned(command)))
+    monkeypatch.setattr(fake, "from_wire", lambda payload: turned(from_wire(payload)))
+    suite.test_commands_are_followed_in_the_frame_of_rep_103(engaged(FakePlatform))  # which does not see it
+    with pytest.raises(AssertionError, match="never went out as"):
+        promise(engaged(FakePlatform))
+
+
+def test_a_robot_without_a_page_of_its_manual_fails():
+    with pytest.raises(AssertionError, match="vendor's manual"):
+        suite.test_the_bytes_on_the_wire_are_those_of_the_manual(engaged(FakePlatform))
 
 
 def test_a_body_that_its_past_changes_fails():

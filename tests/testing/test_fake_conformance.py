@@ -1,5 +1,7 @@
 """The fake keeps the promises that it stands in for."""
 
+from typing import ClassVar
+
 import pytest
 
 from adatracker_deploy.errors import PlatformError
@@ -12,6 +14,11 @@ from adatracker_deploy.testing.fake import FakeConnection, FakePlatform, fake_pr
 class TestFakePlatform(PlatformConformance):
     platform_class = FakePlatform
     clock_speed = 10.0
+    manual: ClassVar = {
+        Twist(vx=0.5): "000000000000e03f" + "00" * 8,  # IEEE 754: forward, then counter-clockwise
+        Twist(yaw_rate=0.25): "00" * 8 + "000000000000d03f",
+    }
+    says = "adatracker_deploy.testing.fake:to_wire"
 
     @pytest.fixture(scope="class")
     @classmethod

@@ -123,8 +123,28 @@ def test_faults_go_by_the_names_of_the_profile():
     assert state(errors=0x8000, name="tracer").fault == "bumper"
 
 
-def test_a_low_battery_and_a_silent_transmitter_stop_nothing():
+def test_a_low_battery_and_a_silent_transmitter_stop_nothing_and_are_told():
     assert state(errors=0b110).fault == ""
+    assert state(errors=0b110).warning == "battery low, no transmitter heard (is it off?)"
+
+
+@pytest.mark.parametrize("shift", [0, 8], ids=["as the SDK counts", "as the manual counts"])
+@pytest.mark.parametrize("name", ["scout", "tracer"])
+def test_both_readings_of_the_error_bits_stop_for_the_same_reason(name, shift):
+    assert state(errors=0b001 << shift, name=name).fault == "battery under-voltage"
+    off = state(errors=0b100 << shift, name=name)
+    assert (off.fault, off.warning) == ("", "no transmitter heard (is it off?)")
+
+
+def test_a_bit_of_which_the_manuals_disagree_stops_with_both_meanings():
+    assert state(errors=1 << 9, name="scout").warning == "battery low"
+    assert state(errors=1 << 9, name="tracer").fault == "external supply over-current or battery low"
+
+
+def test_a_hunter_without_its_steering_encoder_is_not_driven():
+    assert state(errors=1 << 9, name="hunter").fault == "steering encoder lost"
+    off = state(errors=1 << 10 | 1 << 12, name="hunter")
+    assert (off.fault, off.warning) == ("", "no transmitter heard (is it off?), nobody commands")
 
 
 statuses = st.builds(

@@ -14,6 +14,7 @@ from wheeled_rig import base_profile, until
 
 from adatracker_deploy.errors import PlatformError, UsageError
 from adatracker_wheeled.bus import STUCK_S, Bus
+from adatracker_wheeled.driver import open_driver
 from adatracker_wheeled.protocol import CanFrame
 from adatracker_wheeled.socketcand import SocketcandServer
 
@@ -288,3 +289,35 @@ def test_a_busy_socketcand_opens_all_the_same():
         over.set()
         thread.join()
         server.close()
+
+
+# Drivers that are not there
+
+
+@pytest.mark.parametrize("interface", ["kvaser", "neovi", "ixxat", "vector", "pcan", "nican", "etas"])
+def test_a_driver_whose_library_is_missing_is_said_in_a_sentence(interface):
+    channel = "PCAN_USBBUS1" if interface == "pcan" else "0"
+    with pytest.raises((UsageError, PlatformError)) as refused:
+        open_driver(connection(interface=interface, channel=channel))
+    print(refused.value)
+    assert interface in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    "error", [NameError("name 'canGetNumberOfChannels'"), AttributeError("x"), KeyError(1)]
+)
+def test_whatever_a_driver_raises_is_a_usage_error(monkeypatch, error):
+    def broken(*_, **__):
+        raise error
+
+    monkeypatch.setattr(can, "Bus", broken)
+    with pytest.raises(UsageError, match="interface kvaser cannot be used here"):
+        open_driver(connection(interface="kvaser", channel="0"))
+
+
+def test_an_echo_of_our_own_frame_is_not_heard(bus, driver, heard):
+    driver.arrivals.put(can.Message(arbitration_id=0x111, data=bytes(8), is_extended_id=False, is_rx=False))
+    driver.arrivals.put(can.Message(arbitration_id=0x221, data=bytes(8), is_extended_id=False))
+    until(lambda: any(frame is not None for frame in heard))
+    assert [frame.id for frame in heard if frame is not None] == [0x221]

@@ -141,7 +141,7 @@ def test_an_error_bit_is_a_fault_or_a_warning():
 
 def test_a_faults_name_can_be_told_apart_in_a_list():
     written = roles_as_written()
-    written["state"]["faults"]["one, two"] = 9
+    written["state"]["faults"]["one, two"] = 11
     assert "without a comma" in refused(written)
 
 

@@ -67,6 +67,7 @@ def test_frames_are_read_however_the_bytes_are_cut(sent, size):
 
 def test_the_clients_words_are_understood():
     assert Parser().feed(b"< open can0 >< rawmode >< echo >") == ["open", "rawmode", "echo"]
+    assert Parser().feed(b"< rehearsal >") == ["rehearsal"]
 
 
 @pytest.mark.parametrize(
@@ -100,7 +101,7 @@ def test_rubbish_is_dropped_and_counted_and_what_follows_is_read(line):
 @given(st.binary(max_size=400))
 def test_no_bytes_at_all_make_it_fail(data):
     for request in Parser().feed(data):
-        assert request in ("open", "rawmode", "echo") or isinstance(request, CanFrame)
+        assert request in ("open", "rawmode", "echo", "rehearsal") or isinstance(request, CanFrame)
 
 
 def test_a_line_that_never_ends_takes_no_memory():

@@ -1,10 +1,13 @@
 """The promises of every platform: over a virtual bus in one process, and over socketcand to another."""
 
 import dataclasses
+import math
+from typing import ClassVar
 
 import pytest
 from wheeled_rig import InProcess, base_profile
 
+from adatracker_deploy.platform import Twist
 from adatracker_deploy.profile import load_profile
 from adatracker_deploy.testing.conformance import PlatformConformance
 from adatracker_wheeled.platform import WheeledPlatform
@@ -16,9 +19,36 @@ class OnAVirtualBus(WheeledPlatform):
         return InProcess(profile)
 
 
-class TestScoutOnAVirtualBus(PlatformConformance):
+class OnCan(PlatformConformance):
+    """What goes out are frames: their ids, two bytes, and their data."""
+
+    says = "adatracker_wheeled.bus:Bus.send"
+
+    def said(self, *values):
+        frame = values[1]
+        return frame.id.to_bytes(2, "big") + frame.data
+
+
+V2 = {
+    Twist(vx=0.15, yaw_rate=0.2): "0111 0096 00c8 0000 0000",  # thousandths, big-endian
+    Twist(vx=-0.15, yaw_rate=-0.2): "0111 ff6a ff38 0000 0000",
+}
+"""AgileX's protocol v2, MotionCommand."""
+V1 = {Twist(vx=0.75, yaw_rate=-0.26175): "0130 0100 32ce 0000"}
+"""AgileX's protocol v1: CAN control, per cent of 1.5 m/s and of 0.5235 rad/s."""
+TURN_S = 2 * math.pi * 0.085
+"""m/s of a wheel that turns once a second."""
+ODRIVE = {
+    Twist(vx=TURN_S): ("000d 0000803f", "002d 000080bf"),  # the right motor is mounted the other way round
+    Twist(yaw_rate=TURN_S / 0.4): ("000d 000000bf", "002d 000000bf"),
+}
+"""Set_Input_Vel of nodes 0 (left) and 1 (right): turns/s as IEEE 754, little-endian."""
+
+
+class TestScoutOnAVirtualBus(OnCan):
     platform_class = OnAVirtualBus
     clock_speed = 5.0
+    manual: ClassVar = V2
 
     @pytest.fixture(scope="class")
     @classmethod
@@ -27,6 +57,8 @@ class TestScoutOnAVirtualBus(PlatformConformance):
 
 
 class TestOdriveOnAVirtualBus(TestScoutOnAVirtualBus):
+    manual = ODRIVE
+
     @pytest.fixture(scope="class")
     @classmethod
     def profile(cls):
@@ -34,6 +66,8 @@ class TestOdriveOnAVirtualBus(TestScoutOnAVirtualBus):
 
 
 class TestScoutV1OnAVirtualBus(TestScoutOnAVirtualBus):
+    manual = V1
+
     @pytest.fixture(scope="class")
     @classmethod
     def profile(cls):
@@ -41,9 +75,10 @@ class TestScoutV1OnAVirtualBus(TestScoutOnAVirtualBus):
 
 
 @pytest.mark.slow
-class TestScoutInSitl(PlatformConformance):
+class TestScoutInSitl(OnCan):
     platform_class = WheeledPlatform
     clock_speed = 2.0
+    manual: ClassVar = V2
 
     @pytest.fixture(scope="class")
     @classmethod

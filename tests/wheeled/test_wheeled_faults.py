@@ -89,7 +89,7 @@ def test_a_base_that_somebody_else_disables_is_let_go():
         send_for(platform, AHEAD, 0.3)
         tap.send(*STANDBY)
         until(lambda: platform.state().stopped)
-        assert "standby" in platform.state().stopped
+        assert "somebody else on the bus commands the base (frames 0x421)" in platform.state().stopped
         assert platform.state().taken_over
         tap.frames()
         platform.disengage()
@@ -379,8 +379,9 @@ def test_a_hundred_thousand_hostile_frames_move_nothing_and_fill_nothing(name):
         assert not platform.state().engaged
         (check,) = [check for check in platform.preflight() if check.name == "frames"]
         assert "malformed frames were dropped" in check.message
-        (notice,) = platform.notices()
-        assert notice.startswith("CAN: ")
+        notices = platform.notices()
+        assert [notice.startswith("CAN: ") for notice in notices].count(True) == 1
+        assert len(notices) <= 3  # and each of the base's two warnings, once
         assert platform.notices() == ()
 
 

@@ -8,13 +8,14 @@ import time
 
 import can
 
+from adatracker_deploy.far_end import Orders
 from adatracker_deploy.platform import Scenario, Sitl
 from adatracker_deploy.profile import load_profile
 from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_wheeled.bus import Bus
 from adatracker_wheeled.codec import Codec
 from adatracker_wheeled.far_end import FarEnd
-from adatracker_wheeled.injection import injection
+from adatracker_wheeled.injection import ON_DEMAND, injection
 from adatracker_wheeled.platform import WheeledPlatform
 from adatracker_wheeled.protocol import CanFrame, Malformed
 
@@ -35,18 +36,24 @@ def base_profile(name="scout", *, channel=None, **sitl):
 class InProcess(Sitl):
     """The far end of `WheeledSitl`, in a thread and behind a virtual bus."""
 
+    faults = ON_DEMAND
+
     def __init__(self, profile):
         self._profile = profile
         self._ended = threading.Event()
         self._thread = None
+        self._orders = Orders()
 
     def start(self, clock, scenario):
         connection, sitl = self._profile.connection, self._profile.sitl
-        self.far_end = FarEnd(connection.roles, sitl, scenario, clock)
+        self.far_end = FarEnd(connection.roles, sitl, scenario, clock, self._orders)
         self.bus = Bus.open(connection, lambda frame: self.far_end.hear(frame) if frame else None)
         self._thread = threading.Thread(target=self.far_end.serve, args=(self.bus.send, self._ended))
         self._thread.start()
         return self._profile
+
+    def order(self, line):
+        self._orders.obey(line)
 
     def inject(self, fault, *, begin=True):
         self.far_end.hear(injection(fault, begin=begin))
@@ -100,10 +107,19 @@ STANDBY, COMMAND_MODE, STILL = (0x421, b"\x00"), (0x421, b"\x01"), (0x111, bytes
 """Of AgileX's protocol v2."""
 
 
+class Sleepy(MonotonicClock):
+    """A clock of a machine that can be suspended; it stands still meanwhile, so only `suspended_ns` tells."""
+
+    asleep_ns = 0
+
+    def suspended_ns(self):
+        return type(self).asleep_ns
+
+
 @contextlib.contextmanager
-def drive(profile=None, speed=1.0):
+def drive(profile=None, clock=None):
     """A connected adapter and its base; give (adapter, far end)."""
-    profile, clock = profile or base_profile(), MonotonicClock(speed)
+    profile, clock = profile or base_profile(), clock or MonotonicClock()
     with InProcess(profile) as sitl, WheeledPlatform(sitl.start(clock, Scenario(seed=1)), clock) as platform:
         platform.connect()
         yield platform, sitl
@@ -127,8 +143,8 @@ def until(condition, within_s=5.0):
 
 
 @contextlib.contextmanager
-def tapped(profile=None):
+def tapped(profile=None, clock=None):
     """A connected adapter, its base, and somebody who listens."""
     profile = profile or base_profile()
-    with contextlib.closing(Tap(profile)) as tap, drive(profile) as (platform, far_end):
+    with contextlib.closing(Tap(profile)) as tap, drive(profile, clock) as (platform, far_end):
         yield platform, far_end, tap

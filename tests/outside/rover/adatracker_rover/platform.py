@@ -60,8 +60,8 @@ class RoverPlatform(Platform):
         self._connection: Connection = profile.connection
         self._changed = threading.Condition()  # guards what follows; notified when any of it changes
         self._wire: Wire | None = None
-        self._report: Report | None = None
-        self._heard_ns = 0
+        self._heard: tuple[Report, int] | None = None
+        """The newest report, and when it came; replaced as one, so that it can be read without the lock."""
         self._charge = _Charge.NONE
         self._stopped = ""
         self._taken_over = False
@@ -130,7 +130,7 @@ class RoverPlatform(Platform):
         if not command.is_finite():
             raise PlatformError(f"refused to send {command}: not finite")
         with self._changed:
-            silent_s = (now_ns - self._heard_ns) / 1e9 / self.clock.speed
+            silent_s = (now_ns - (self._heard[1] if self._heard else 0)) / 1e9 / self.clock.speed
             if self._charge is _Charge.ENGAGED and silent_s > self._connection.report_timeout_s:
                 self._latch(_Charge.STOPPING, f"no report from the rover for {silent_s:.1f} s")
             if self._charge is not _Charge.ENGAGED:
@@ -140,21 +140,21 @@ class RoverPlatform(Platform):
             return sent
 
     def state(self) -> PlatformState:
-        """Return the newest report; the lock is never held for longer than a datagram takes."""
-        with self._changed:
-            report = self._report
-            if report is None:
-                return PlatformState(t_ns=0, stopped=self._stopped)
-            return PlatformState(
-                t_ns=self._heard_ns,
-                mode=report.mode.name,
-                engaged=self._charge is _Charge.ENGAGED,
-                pose=report.pose,
-                velocity=report.velocity,
-                battery=report.battery,
-                stopped=self._stopped,
-                taken_over=self._taken_over,
-            )
+        """Return the newest report; takes no lock, for a wire whose `send` waits for an answer holds it."""
+        heard = self._heard
+        if heard is None:
+            return PlatformState(t_ns=0, stopped=self._stopped)
+        report, heard_ns = heard
+        return PlatformState(
+            t_ns=heard_ns,
+            mode=report.mode.name,
+            engaged=self._charge is _Charge.ENGAGED,
+            pose=report.pose,
+            velocity=report.velocity,
+            battery=report.battery,
+            stopped=self._stopped,
+            taken_over=self._taken_over,
+        )
 
     def hold(self, reason: str) -> None:
         """Stop the rover and return once it says that it brakes."""
@@ -173,7 +173,7 @@ class RoverPlatform(Platform):
             self._changed.notify_all()
         if wire is not None:
             wire.close()  # without the lock, which its thread may wait for
-            self._report = None
+            self._heard = None
 
     @classmethod
     def body(cls, profile: Profile) -> Body:
@@ -202,15 +202,15 @@ class RoverPlatform(Platform):
 
     def _latch(self, charge: _Charge, reason: str, *, taken_over: bool = False) -> None:
         """Let no DRIVE out any more, until an explicit engage; the first reason stays."""
-        self._charge = charge
         if not self._stopped:
             self._stopped, self._taken_over = reason[:95], taken_over
+        self._charge = charge  # last, for who reads without the lock
         self._changed.notify_all()
 
     def _hear(self, report: Report) -> None:
         """Take in a report, in the wire's thread; a mode that nobody here asked for latches a stop."""
         with self._changed:
-            self._report, self._heard_ns = report, self.clock.now_ns()
+            self._heard = report, self.clock.now_ns()
             if report.mode is Mode.REMOTE and self._charge is not _Charge.NONE:
                 self._latch(_Charge.NONE, "somebody took the rover over by remote control", taken_over=True)
             elif report.braked and self._charge is _Charge.ENGAGED:
@@ -234,6 +234,10 @@ class RoverPlatform(Platform):
             if self._changed.wait_for(over, _ASK_EVERY_S):
                 break
         return self._report is not None and answered(self._report)
+
+    @property
+    def _report(self) -> Report | None:
+        return self._heard[0] if self._heard else None
 
     def _send(self, request: Request) -> None:
         if self._wire is not None:  # a rover that was let go of meanwhile is not asked for anything

@@ -16,12 +16,14 @@ from typing import TYPE_CHECKING
 from adatracker_deploy.errors import UsageError
 from adatracker_deploy.far_end import (
     FarEndProcess,
+    Orders,
     add_arguments,
     announce,
     far_end_clock,
     lifeline,
     refuse,
 )
+from adatracker_deploy.faults.catalogue import ROBOT_SILENT
 from adatracker_deploy.platform import Sitl
 from adatracker_deploy.runtime.pacer import Pacer
 from adatracker_deploy.schema import parse
@@ -45,6 +47,8 @@ _MOST_DATAGRAMS = 100
 class RoverSitl(Sitl):
     """Starts the far end on a free port, whatever the profile's address: rehearsals never collide."""
 
+    faults = (ROBOT_SILENT,)
+
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
         self._process = FarEndProcess("adatracker_rover.sitl", "simulated rover")
@@ -67,9 +71,16 @@ class RoverSitl(Sitl):
         """End the process once its rover is at rest."""
         self._process.close()
 
+    def order(self, line: str) -> None:
+        """Let the rover be silent, or tell again."""
+        self._process.order(line)
 
-def serve(rover: Rover, wire: socket.socket, clock: Clock, ended: threading.Event) -> None:
+
+def serve(
+    rover: Rover, wire: socket.socket, clock: Clock, ended: threading.Event, orders: Orders | None = None
+) -> None:
     """Run the rover until `ended` is set and it is at rest; reports go to whoever asked last."""
+    orders = orders or Orders()
     wire.setblocking(False)
     pacer = Pacer(clock, RATE_HZ)
     host: tuple[str, int] | None = None
@@ -81,7 +92,7 @@ def serve(rover: Rover, wire: socket.socket, clock: Clock, ended: threading.Even
                 if rover.receive(data):
                     host = address
         rover.step(now_s)
-        if host is not None:
+        if host is not None and ROBOT_SILENT.name not in orders.faults:
             with contextlib.suppress(OSError):  # a host that is gone, or full, misses a report
                 wire.sendto(rover.report(), host)
 
@@ -103,9 +114,10 @@ def main(argv: list[str] | None = None) -> int:
     except OSError as error:
         return refuse(UsageError(f"UDP port {args.port}: {error.strerror}; give another --port"))
     with wire, contextlib.suppress(KeyboardInterrupt):
-        ended = lifeline(args)
+        orders = Orders()
+        ended = lifeline(args, orders)
         announce(port=wire.getsockname()[1])
-        serve(Rover(settings, args.seed, clock.now_ns() / 1e9, clock.speed), wire, clock, ended)
+        serve(Rover(settings, args.seed, clock.now_ns() / 1e9, clock.speed), wire, clock, ended, orders)
     return 0
 
 

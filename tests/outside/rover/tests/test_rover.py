@@ -138,6 +138,26 @@ def test_nobody_at_the_port_is_said_within_two_seconds():
         assert clock.now_ns() - began_ns < 2_000_000_000
 
 
+def test_the_state_is_told_while_a_command_waits_for_its_answer(monkeypatch):
+    with connected() as (_, platform):
+        platform.engage()
+        asked, answered = threading.Event(), threading.Event()
+
+        def send_and_wait(_request):
+            asked.set()
+            answered.wait(2.0)
+
+        monkeypatch.setattr(platform._wire, "send", send_and_wait)
+        sending = threading.Thread(target=platform.send, args=(ZERO, platform.clock.now_ns()))
+        sending.start()
+        asked.wait()
+        assert platform.state().engaged
+        assert not answered.is_set()
+        answered.set()
+        sending.join()
+        monkeypatch.undo()
+
+
 def test_a_host_that_cannot_be_is_named():
     with pytest.raises(UsageError, match=r"connection\.host 'no such host'"):
         RoverPlatform(at(5005, host="no such host"), MonotonicClock()).connect()

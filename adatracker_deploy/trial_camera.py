@@ -1,0 +1,85 @@
+"""The camera that a trial looks through: the robot's own, one with an address, or a world that is drawn."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from adatracker_deploy.errors import UsageError
+from adatracker_deploy.perception.camera import ROBOT, scene_of, without_password
+from adatracker_deploy.perception.live import NO_STAMPS, LiveCamera
+from adatracker_deploy.perception.sources import open_source
+from adatracker_deploy.perception.world_camera import WorldCamera
+
+if TYPE_CHECKING:
+    import contextlib
+    from collections.abc import Callable
+
+    from adatracker_deploy.geometry import Pose
+    from adatracker_deploy.perception.camera import Camera
+    from adatracker_deploy.profile import Profile
+    from adatracker_deploy.runtime.clock import Clock
+    from adatracker_deploy.trial_run import TrialPlan
+
+IMAGE_SIZE = (160, 160)
+"""Of the virtual camera, px: the size at which masks are drawn for policies."""
+
+
+def open_camera(  # noqa: PLR0917 -- each is another's, and all are needed
+    plan: TrialPlan,
+    profile: Profile,
+    uri: str,
+    clock: Clock,
+    pose: Callable[[], Pose | None],
+    tell: Callable[[str], None],
+    stack: contextlib.ExitStack,
+) -> Camera:
+    """Open the camera at `uri` and see that its frames can be used.
+
+    Args:
+        plan: of the trial.
+        profile: of the robot, as its far end has changed it.
+        uri: the camera's.
+        clock: the run's.
+        pose: where the robot says that it is; for a world that is drawn from there.
+        tell: is told what goes on, and what to beware of.
+        stack: closes the camera.
+
+    Raises:
+        UsageError: there is no such camera, or this segmenter cannot use its frames.
+        PlatformError: the camera gives none.
+    """
+    if scene_of(uri) is not None:
+        return _virtual_camera(plan, profile, pose)
+    profile = replace(profile, camera=replace(profile.camera, uri=uri))
+    camera = plan.platform.camera(profile, clock) if uri.startswith(ROBOT) else open_source(uri, clock)
+    tell(f"opening the camera {without_password(uri)}")
+    stack.callback(camera.close)
+    camera.open()
+    if isinstance(camera, LiveCamera) and camera.hides_delay:
+        tell(f"warning: camera {camera.name}: {NO_STAMPS}")
+    if plan.segmenter.needs_truth:
+        frame = camera.read(clock.now_ns())
+        if frame is None or frame.truth is None:
+            raise UsageError(
+                f"camera {without_password(uri)}: gives pictures alone, and this segmenter is for the "
+                "cameras of rehearsals, which know what they show: try --segmenter embedded"
+            )
+    return camera
+
+
+def virtual_person(plan: TrialPlan) -> str:
+    """Say that a real robot will follow somebody who is drawn."""
+    uri = plan.camera or plan.profile.camera.uri
+    return (
+        f"A REAL ROBOT WILL FOLLOW A VIRTUAL PERSON: its camera, {uri}, is drawn and sees nobody; "
+        "give the one that it carries with --camera"
+    )
+
+
+def _virtual_camera(plan: TrialPlan, profile: Profile, pose: Callable[[], Pose | None]) -> WorldCamera:
+    from adatracker_deploy.world import World  # needs the sitl extra
+
+    scenario = plan.scenario
+    world = World(scenario.scene, seed=scenario.seed, target_speed_m_s=scenario.target_speed_m_s)
+    return WorldCamera(world, profile.sitl.camera, pose, IMAGE_SIZE)

@@ -1,0 +1,19 @@
+"""A measurement that falls silent is no measurement, in the machine's time."""
+
+from __future__ import annotations
+
+import pytest
+
+from adatracker_deploy.platform import while_told
+from adatracker_deploy.runtime.clock import FakeClock
+
+
+@pytest.mark.parametrize("speed", [1.0, 5.0])
+def test_what_was_told_lately_counts_and_nothing_older(speed):
+    clock = FakeClock(speed=speed)
+    told_ns = clock.now_ns()
+    clock.advance(1.9 * speed)
+    assert while_told(0.5, told_ns, clock, 2.0) == 0.5
+    clock.advance(0.2 * speed)
+    assert while_told(0.5, told_ns, clock, 2.0) is None
+    assert while_told(None, 0, clock, 2.0) is None

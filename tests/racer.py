@@ -1,0 +1,46 @@
+"""A program that would like to have a robot, again and again: two of them race for it.
+
+``python -m tests.racer PLATFORM CONNECTION.json [--elsewhere]``; a line on stdin is a moment, ns of the
+monotonic clock, at which it connects and engages. It answers ``owner`` or ``refused: WHY``, and lets go at
+the next line, which it answers with ``free``. With ``--elsewhere`` it is on another machine, say claims.
+"""
+
+import dataclasses
+import json
+import sys
+import time
+
+from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.platform import load_platform
+from adatracker_deploy.profile import load_profile
+from adatracker_deploy.runtime.clock import MonotonicClock
+from tests.other_machine import OfAnotherMachine
+
+
+def main(name, connection, *elsewhere):
+    cls = load_platform(name)
+    if elsewhere:
+        sys.modules[f"adatracker_{name}.wire"].Claim = OfAnotherMachine
+    profile = load_profile(cls.default_profile, cls)
+    profile = dataclasses.replace(
+        profile, connection=dataclasses.replace(profile.connection, **json.loads(connection))
+    )
+    clock = MonotonicClock()
+    print("here", flush=True)
+    for line in sys.stdin:
+        with cls(profile, clock) as platform:
+            clock_ns = int(line)
+            while time.monotonic_ns() < clock_ns:
+                time.sleep(0.0005)
+            try:
+                platform.connect()
+                platform.engage()
+                print("owner", flush=True)
+            except PlatformError as error:
+                print(f"refused: {error}", flush=True)
+            sys.stdin.readline()
+        print("free", flush=True)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
