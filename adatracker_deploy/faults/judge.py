@@ -182,8 +182,11 @@ def _not_as_it_should(row: Row, evidence: Evidence, onset_ns: int, *, flies: boo
 
 
 def _offboard_after_s(account: Account, onset_ns: int) -> float | None:
-    """Return when a drone last entered OFFBOARD after an onset, s; None if it did not."""
-    entered = [t_ns for t_ns, mode, _ in account.modes if mode == "OFFBOARD" and t_ns > onset_ns]
+    """Return when a drone last entered OFFBOARD after an onset, s; None if it did not.
+
+    PX4 goes back to it once it has landed and disarmed: that is no flight.
+    """
+    entered = [t for t, mode, armed in account.modes if mode == "OFFBOARD" and armed and t > onset_ns]
     return (entered[-1] - onset_ns) / 1e9 if entered else None
 
 
