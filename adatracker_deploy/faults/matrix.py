@@ -122,7 +122,7 @@ FOLLOWING = (
     Row("terminate", "told", 0.2, INTERRUPTED, exit_s=2.0),
     Row("hangup", "told", 0.2, INTERRUPTED, exit_s=2.0),
     Row("suspend", "woken", 0.0, STOPPED | TAKEN, again=True),
-    Row("robot_frozen", "stands", 3.0, STOPPED | TAKEN, why="2 s frozen, and braking"),
+    Row("robot_frozen", "stands", 3.0, STOPPED | TAKEN, {"drone": 3.5}, "2 s frozen, and braking"),
     Row("takeover", "told", 0.3, TAKEN, lands=False),
     Row("link_drop", "latched", 0.3, STOPPED, {"wheeled": 0.2}),
     Row("robot_silent", "told", 0.3, STOPPED | TAKEN),

@@ -139,7 +139,9 @@ _LOOKING = _in(
     Row("link_kill", "told", _AT_ONCE_S, STOPPED),
     Row("link_stop", "told", _AT_ONCE_S, STOPPED | TAKEN, on=("quadruped",), elsewhere=_SAME),
     Row("link_drop", "told", _SOON_S, STOPPED | TAKEN),
-    Row("robot_frozen", "told", _SOON_S, STOPPED | TAKEN),
+    Row(
+        "robot_frozen", "told", 2.0 + _SOON_S, STOPPED | TAKEN, why="what comes in 2 s of frost is read then"
+    ),
     Row("takeover", "told", _SOON_S, STOPPED | TAKEN, lands=False),
     Row("camera_gone", "told", _SOON_S, STOPPED),
     Row("suspend", "woken", 0.0, STOPPED | TAKEN),
