@@ -183,7 +183,7 @@ class Refusal:
 
 
 REFUSALS = (
-    Refusal("log_readonly", "the log folder cannot be written", 2, "cannot be written"),
+    Refusal("log_readonly", "the log folder cannot be written", 2, "nothing can be made in"),
     Refusal("model_corrupt", "a byte of the policy's network is another", 2, "SHA-256"),
     Refusal("model_wrong_shape", "the network has other outputs than its manifest says", 2, "policy.onnx"),
     Refusal("profile_malformed", "a limit of the profile is not a number", 2, "accel_m_s2"),
