@@ -205,7 +205,9 @@ def _woken(evidence: Evidence, onset_ns: int) -> float | None:
 
 
 def _climbs(account: Account, onset_ns: int) -> float:
-    return _since(onset_ns, (moment.t_ns for moment in account.flight if moment.up_m_s > CLIMBS_M_S))
+    """Return when a drone last climbed, s after the onset; one that bounces as it touches down does not."""
+    climbs = (each for each in account.flight if each.up_m_s > CLIMBS_M_S and each.height_m > LANDED_M)
+    return _since(onset_ns, (each.t_ns for each in climbs))
 
 
 def _gap(commands: tuple[Told, ...], onset_ns: int) -> tuple[float, str]:

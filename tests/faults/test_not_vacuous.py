@@ -88,6 +88,19 @@ def test_offboard_after_the_onset_is_wrong_however_it_ended():
     modes = ((ns(-1.0), "TAKEOFF", True), (ns(1.1), "OFFBOARD", True), (ns(1.8), "LAND", True))
     result = judged(row, "drone", replace(good, account=replace(good.account, modes=modes)))
     assert (result.verdict, result.note) == ("WRONG", "OFFBOARD 1.1 s after it")
+    disarmed = (
+        *((t_ns, mode, True) for t_ns, mode, _ in modes if mode != "OFFBOARD"),
+        (ns(3.0), "OFFBOARD", False),
+    )
+    landed = judged(row, "drone", replace(good, account=replace(good.account, modes=disarmed)))
+    assert landed.verdict == "ok"  # PX4 goes back to it once it has disarmed
+
+
+def test_a_drone_that_bounces_as_it_touches_down_does_not_climb():
+    row = row_of("interrupt", TrialPhase.CLIMBING)
+    good = as_it_should(row, "drone")
+    bounce = tuple(replace(one, up_m_s=0.5) if one.height_m < 0.1 else one for one in good.account.flight)
+    assert judged(row, "drone", replace(good, account=replace(good.account, flight=bounce))).verdict == "ok"
 
 
 def test_a_drone_that_climbs_on_is_late_and_one_that_does_not_come_down_is_wrong():
