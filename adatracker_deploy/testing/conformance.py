@@ -101,7 +101,7 @@ class PlatformConformance(AgainstTheManual):
         """Give an adapter that has engaged."""
         platform.connect()
         refused = [check for check in platform.preflight() if check.blocking and not check.ok]
-        assert not refused
+        assert not refused, refused
         platform.engage()
         return platform
 

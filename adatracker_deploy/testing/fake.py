@@ -6,8 +6,10 @@ Tests of the loop, the gate and the link use it; it passes the same conformance 
 from __future__ import annotations
 
 import struct
+import tempfile
 import threading
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from adatracker_deploy.errors import PlatformError
@@ -56,8 +58,8 @@ class FakeConnection:
     """The robot stops by itself when the last command is older than this."""
     engage_s: Annotated[float, Range(0, 10)] = 0.5
     """How long engaging takes."""
-    far_end: FakeFarEnd | None = field(default=None, compare=False, repr=False)
-    """Makes the robot silent on demand."""
+    silence: str = ""
+    """A file: the robot tells nothing while it is there. Empty for one that always tells."""
 
 
 class FakeFarEnd(Sitl):
@@ -67,19 +69,25 @@ class FakeFarEnd(Sitl):
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
-        self.silent = False
+        self._folder = tempfile.TemporaryDirectory(prefix="fake-robot-")
+        self._silence = Path(self._folder.name) / "silence"
 
     def start(self, clock: Clock, scenario: Scenario) -> Profile:  # noqa: ARG002 -- nothing here is random
-        """Return the profile with this far end in it."""
-        return replace(self._profile, connection=replace(self._profile.connection, far_end=self))
+        """Return the profile with what makes the robot silent in it."""
+        connection = replace(self._profile.connection, silence=str(self._silence))
+        return replace(self._profile, connection=connection)
 
     def order(self, line: str) -> None:
         """Be silent, or tell again."""
         if line.endswith(f" {ROBOT_SILENT.name}"):
-            self.silent = line.startswith("begin")
+            if line.startswith("begin"):
+                self._silence.touch()
+            else:
+                self._silence.unlink(missing_ok=True)
 
     def close(self) -> None:
-        """Do nothing."""
+        """Leave nothing."""
+        self._folder.cleanup()
 
 
 class FakePlatform(Platform):
@@ -212,8 +220,8 @@ class FakePlatform(Platform):
             command = self._command if self._now_ns < expires_ns else ZERO
             self._body.step(command, (until_ns - self._now_ns) / 1e9)
             self._now_ns = until_ns
-        far_end = self.profile.connection.far_end
-        if far_end is None or not far_end.silent:
+        silence = self.profile.connection.silence
+        if not (silence and Path(silence).exists()):
             self._heard_ns, self._heard = self._now_ns, (self._body.pose, self._body.velocity)
 
 

@@ -98,8 +98,8 @@ def test_what_is_not_there_is_said(tmp_path):
 def test_a_log_of_a_newer_format_asks_for_an_update(whole, tmp_path):
     file = tmp_path / "trial.mcap"
     content = whole.read_bytes()
-    assert content.count(b"step_format\x01\x00\x00\x001") == 1
-    file.write_bytes(content.replace(b"step_format\x01\x00\x00\x001", b"step_format\x01\x00\x00\x009"))
+    assert content.count(b"step_format\x01\x00\x00\x002") == 1
+    file.write_bytes(content.replace(b"step_format\x01\x00\x00\x002", b"step_format\x01\x00\x00\x009"))
     with pytest.raises(UsageError, match="newer version"):
         read_trial(file)
 
@@ -107,7 +107,7 @@ def test_a_log_of_a_newer_format_asks_for_an_update(whole, tmp_path):
 def test_a_log_of_an_older_format_says_what_would_read_it(whole, tmp_path):
     file = tmp_path / "trial.mcap"
     file.write_bytes(
-        whole.read_bytes().replace(b"step_format\x01\x00\x00\x001", b"step_format\x01\x00\x00\x000")
+        whole.read_bytes().replace(b"step_format\x01\x00\x00\x002", b"step_format\x01\x00\x00\x000")
     )
     with pytest.raises(
         UsageError, match=r"older version .* step format 0.* score it with adatracker-deploy \d"

@@ -27,5 +27,5 @@ def find_room() -> Room:
         return launcher.run
     raise NoRoomError(
         f"needs SocketCAN: this kernel lends none ({trial.output.strip() or trial.status}) "
-        "and user-mode Linux is not installed (apt-get install user-mode-linux)"
+        "and user-mode Linux is not installed (apt-get install user-mode-linux), or cannot run here"
     )

@@ -22,7 +22,7 @@ def test_a_machine_with_neither_is_told_what_to_install(monkeypatch, tmp_path):
 
 
 @pytest.mark.skipif(
-    launcher.kernel() is None, reason="user-mode Linux is not installed (apt-get install user-mode-linux)"
+    launcher.kernel() is None, reason="user-mode Linux is not installed, or cannot run on this processor"
 )
 def test_a_kernel_with_vcan_lends_a_bus_of_its_own_and_keeps_its_other_interfaces_from_it():
     script = (

@@ -18,7 +18,7 @@ from tests.wheeled.uml import launcher
 from tests.wheeled.uml.room import ROOT, TIMED_OUT
 
 pytestmark = pytest.mark.skipif(
-    launcher.kernel() is None, reason="user-mode Linux is not installed (apt-get install user-mode-linux)"
+    launcher.kernel() is None, reason="user-mode Linux is not installed, or cannot run on this processor"
 )
 
 
