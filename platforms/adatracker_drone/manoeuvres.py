@@ -61,8 +61,7 @@ class Manoeuvres:
         """Put a drone that stands disarmed in OFFBOARD into HOLD, which moves nothing; say whether it was."""
         vehicle = self.vehicle
         self.talk.hear_mode()
-        heard = vehicle.heard
-        if heard.armed or heard.in_air or heard.mode != "OFFBOARD":
+        if not self.rests_in_offboard:
             return False
         vehicle.order(HOLD)
         return self.talk.wait(lambda: vehicle.heard.mode != "OFFBOARD", _SWITCH_TIMEOUT_S)
@@ -190,6 +189,12 @@ class Manoeuvres:
         """Tell whether a drone that was landing flies on in another mode."""
         flies = heard.armed and heard.in_air and heard.mode_t_ns > settled_ns
         return flies and heard.mode not in LANDING_MODES
+
+    @property
+    def rests_in_offboard(self) -> bool:
+        """Whether the drone stands disarmed in a mode in which PX4 does not arm."""
+        heard = self.vehicle.heard
+        return heard.mode == "OFFBOARD" and not (heard.armed or heard.in_air)
 
     @property
     def near_ground(self) -> bool:

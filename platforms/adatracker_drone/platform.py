@@ -118,9 +118,16 @@ class DronePlatform(Platform):
         with self._turn:
             flight = self._connected()
             vehicle = flight.vehicle
-            left = flight.leave_offboard()
             timeout_s = self._connection.ready_timeout_s
-            flight.talk.wait(lambda: _is_ready(vehicle.heard), timeout_s, self._refuse_when_closing)
+            left = flight.leave_offboard()
+            flight.talk.wait(
+                lambda: _is_ready(vehicle.heard) or flight.rests_in_offboard,
+                timeout_s,
+                self._refuse_when_closing,
+            )
+            if flight.rests_in_offboard and flight.leave_offboard():  # it may have landed only now
+                left = True
+                flight.talk.wait(lambda: _is_ready(vehicle.heard), timeout_s, self._refuse_when_closing)
             heard, parameters = vehicle.heard, Parameters.read(vehicle.parameter)
             if parameters.COM_OF_LOSS_T:
                 self._helm.loss_s = parameters.COM_OF_LOSS_T
