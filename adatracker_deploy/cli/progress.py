@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -37,7 +38,7 @@ class Progress:
     def phase(self, text: str) -> None:
         """Say what happens now."""
         self._clear()
-        self._console.print(text, highlight=False, soft_wrap=True)  # an address in it stays in one piece
+        self._print(text, highlight=False, soft_wrap=True)  # an address in it stays in one piece
 
     def step(self, record: StepRecord) -> None:
         """Show a step, if the last one shown is old enough."""
@@ -50,13 +51,18 @@ class Progress:
         line = self._line(record, self._first)
         if live:
             self._clear()
-            self._console.print(line, end="\r", highlight=False, no_wrap=True, overflow="crop")
+            self._print(line, end="\r", highlight=False, no_wrap=True, overflow="crop")
         else:
-            self._console.print(line, highlight=False)
+            self._print(line, highlight=False)
+
+    def _print(self, *what: Any, **how: Any) -> None:
+        """Print, if anybody is there to read it: a terminal or a pipe that is gone must not end a trial."""
+        with contextlib.suppress(OSError, SystemExit):  # rich exits when a pipe is closed
+            self._console.print(*what, **how)
 
     def _clear(self) -> None:
         if self._console.is_terminal:
-            self._console.print(" " * (self._console.width - 1), end="\r")
+            self._print(" " * (self._console.width - 1), end="\r")
 
     def _line(self, record: StepRecord, first: StepRecord) -> str:
         where = (

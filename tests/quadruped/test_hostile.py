@@ -6,6 +6,7 @@ import random
 import pytest
 import zenoh
 
+from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.geometry import Pose
 from adatracker_deploy.perception.compressed_image import CompressedImage
 from adatracker_deploy.platform import ZERO
@@ -73,6 +74,14 @@ def test_the_robot_does_not_move_for_hostile_commands(inbound):
         platform.send(ZERO, platform.clock.now_ns())
 
 
+def engages(platform):
+    try:
+        platform.engage()
+    except PlatformError:
+        return False
+    return True
+
+
 @pytest.mark.parametrize("inbound", ["odometry", "imu", "battery"])
 def test_the_host_lives_through_hostile_messages_from_the_robots_side(inbound):
     with far_end() as (_, profile), connected(profile) as platform:
@@ -86,7 +95,7 @@ def test_the_host_lives_through_hostile_messages_from_the_robots_side(inbound):
         assert state.velocity.is_finite()
         assert state.battery is None or 0.0 <= state.battery <= 1.0
         until(lambda: platform.state().age_s(platform.clock.now_ns()) < 0.1)
-        platform.engage()
+        until(lambda: engages(platform))  # stamps that went back are not trusted for a second
         platform.send(ZERO, platform.clock.now_ns())
         assert not platform.state().stopped
 
