@@ -72,9 +72,8 @@ class StopRequest:
         finally:
             self._only_remembers = self._in_trial
 
-    def _hear(self, number: int, _: object) -> None:
-        if number == signal.SIGHUP:
-            self._let_go_of_terminal()
+    def _hear(self, *_: object) -> None:
+        self._let_go_of_lost_terminals()
         if not self.asked:
             self.asked = True
             self._on_first()
@@ -82,12 +81,13 @@ class StopRequest:
             self._only_remembers = self._in_trial
             raise KeyboardInterrupt
 
-    def _let_go_of_terminal(self) -> None:
+    def _let_go_of_lost_terminals(self) -> None:
         """Write nowhere from now on: to a terminal that is gone every line would be an error."""
-        nowhere = os.open(os.devnull, os.O_WRONLY)
         for number in self._terminals:
-            os.dup2(nowhere, number)
-        os.close(nowhere)
+            if not os.isatty(number):
+                nowhere = os.open(os.devnull, os.O_WRONLY)
+                os.dup2(nowhere, number)
+                os.close(nowhere)
 
 
 @contextlib.contextmanager
