@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Literal
 from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.platform import ZERO, Limits, Platform, PlatformState, Twist
 from adatracker_deploy.runtime.gate import GateState, Reason, Setpoint, Stage, Stop, Verdict, judge, unwatched
+from adatracker_deploy.runtime.suspend import SuspendWatch
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
     from adatracker_deploy.runtime.clock import Clock
 
 RATE_HZ = 50.0
-SUSPENDED_S = 0.1
-"""A machine that slept for longer has lost touch with the robot; a shorter sleep is the clocks' own error."""
 _MANOEUVRES = 3
 """To engage, to hold and to disengage: each at most once, possibly at the same time."""
 _AGAIN_S = 0.02
@@ -112,8 +111,7 @@ class Link:
         self._newest = newest
         self._spawn = spawn or StandbyThreads(_MANOEUVRES)
         self._gate = GateState(armed_ns=clock.now_ns())
-        self._suspended_ns = clock.suspended_ns()
-        """As the clock told it when the robot was engaged."""
+        self._suspends = SuspendWatch(clock)
         self._engaging_over = threading.Event()
         self._lock = threading.Lock()
         self._events: list[Event] = []
@@ -125,7 +123,7 @@ class Link:
         with self._lock:
             if self.status.phase is not Phase.IDLE:
                 return
-            self._suspended_ns = self._clock.suspended_ns()
+            self._suspends.begin()
             self._gate = GateState(armed_ns=self._clock.now_ns())
             self._enter(Phase.ENGAGING)
         self._spawn(self._engage)
@@ -205,9 +203,8 @@ class Link:
 
     def _watch_machine(self) -> None:
         """Stop when the machine was suspended: what its clocks call fresh is old, seen or commanded."""
-        asleep_s = (self._clock.suspended_ns() - self._suspended_ns) / 1e9
-        if asleep_s > SUSPENDED_S:
-            self._halt(Stop(Reason.SUSPENDED, f"suspended: the machine slept for {asleep_s:.1f} s"))
+        if why := self._suspends.trouble():
+            self._halt(Stop(Reason.SUSPENDED, f"suspended: {why}"))
 
     def _halt(self, stop: Stop) -> None:
         """Latch a stop and hold, unless the robot has stopped by itself: it is then left as it is."""

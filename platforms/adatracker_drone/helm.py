@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from adatracker_deploy.errors import PlatformError
 from adatracker_deploy.platform import ZERO, Twist
+from adatracker_deploy.runtime.suspend import SuspendWatch
 from adatracker_drone.protocol import AltitudeHold
 
 if TYPE_CHECKING:
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
 
 LONGEST_REASON = 95
 """As `PlatformState.stopped` promises."""
-_LONGEST_SUSPEND_S = 0.1
 
 
 class Helm:
@@ -52,14 +52,13 @@ class Helm:
         self._altitude_hold: AltitudeHold | None = None
         self._sent_ns = 0
         """When the last set-point went out."""
-        self._suspended_ns = 0
-        """For how long the machine had been suspended by then."""
+        self._suspends = SuspendWatch(clock)
 
     def give_consent(self) -> None:
         """Let set-points out; forgets why they were stopped."""
         with self._lock:
             self._consent, self.stopped, self.taken_over = True, "", False
-            self._suspended_ns = self._clock.suspended_ns()
+            self._suspends.begin()
             if not self.in_charge:
                 self._expected = frozenset()
 
@@ -188,7 +187,7 @@ class Helm:
     def require_consent(self) -> None:
         """Do nothing, or raise PlatformError when consent has gone."""
         with self._lock:
-            if self._consent and (slept := self._suspended()):
+            if self._consent and (slept := self._suspends.trouble()):
                 self.withdraw(reason=slept)
             if not self._consent:
                 raise PlatformError(
@@ -205,11 +204,7 @@ class Helm:
         silent_s = self._seconds_since(self._sent_ns, self._clock.now_ns())
         if silent_s > self.loss_s / 2:
             return f"no set-point went out for {silent_s:.1f} s: the autopilot's own fail-safe acts"
-        return self._suspended()
-
-    def _suspended(self) -> str:
-        slept_s = (self._clock.suspended_ns() - self._suspended_ns) / 1e9
-        return f"this machine was suspended for {slept_s:.1f} s" if slept_s > _LONGEST_SUSPEND_S else ""
+        return self._suspends.trouble()
 
     def _seconds_since(self, t_ns: int, now_ns: int) -> float:
         """Return the machine's seconds from one time of the run's clock to another."""

@@ -103,7 +103,7 @@ def test_a_machine_that_was_suspended_sends_nothing_more(engaging):
     assert status.phase in (Phase.HOLDING, Phase.DISENGAGING, Phase.DONE)
     assert (status.reasons, status.stopped) == (
         (Reason.SUSPENDED,),
-        "suspended: the machine slept for 2.0 s",
+        "suspended: the machine was suspended for 2.0 s",
     )
     assert all(twist == ZERO for twist in rig.platform.sent[count:])
 

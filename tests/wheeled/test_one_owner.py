@@ -45,6 +45,11 @@ def refused(platform):
     return {check.name: check.message for check in platform.preflight() if not check.ok}
 
 
+def control(platform):
+    """The preflight's judgement of who commands the base."""
+    return next(check for check in platform.preflight() if check.name == "control")
+
+
 @contextlib.contextmanager
 def commanding(profile, *frames):
     """Somebody else sends frames, ten times a second."""
@@ -126,9 +131,7 @@ def test_somebody_who_begins_to_command_while_this_side_engages_gets_the_base():
 def test_a_base_that_somebody_else_has_enabled_is_refused_with_what_to_do():
     with tapped() as (platform, far_end, tap):
         tap.send(*COMMAND_MODE)
-        until(lambda: platform.state().mode == "commanded")
-        platform.clock.sleep_until(platform.clock.now_ns() + 600_000_000)  # silent for its whole time-out
-        assert "switching it off and on" in refused(platform)["control"]
+        until(lambda: "switching it off and on" in control(platform).message)  # once its time-out has passed
         tap.frames()
         with pytest.raises(PlatformError, match="switching it off and on"):
             platform.engage()
@@ -166,10 +169,8 @@ def test_a_base_that_a_killed_run_left_enabled_is_taken_back_through_standby():
         mark = leave_mark(profile, pid)
         tap.send(*COMMAND_MODE)
         until(lambda: platform.state().mode == "commanded")
-        (check,) = [check for check in platform.preflight() if check.name == "control"]
-        assert check.ok
-        assert f"process {pid} left the base enabled" in check.message
-        platform.clock.sleep_until(platform.clock.now_ns() + 600_000_000)
+        until(lambda: control(platform).ok)  # whoever enabled it was heard, and must be silent for a while
+        assert f"process {pid} left the base enabled" in control(platform).message
         tap.frames()
         platform.engage()
         said = [frame for frame in tap.commands() if frame != STILL]
