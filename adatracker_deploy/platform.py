@@ -1,7 +1,7 @@
-"""The hardware abstraction: what a robot is to this toolkit, and how robots are found.
+"""The hardware abstraction: what a robot is to this toolkit.
 
 A robot is an ordinary Python package that registers one `Platform` subclass under the entry-point group
-``adatracker_deploy.platforms``. The toolkit imports it only when that robot is asked for.
+``adatracker_deploy.platforms``; `registry` finds it.
 """
 
 from __future__ import annotations
@@ -9,106 +9,21 @@ from __future__ import annotations
 import abc
 import math
 from dataclasses import dataclass
-from importlib.metadata import EntryPoint, entry_points
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
-from adatracker_deploy.errors import PlatformError, UsageError
-from adatracker_deploy.faults.catalogue import Fault
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.limits import Limits
-from adatracker_deploy.schema import Range
+from adatracker_deploy.config.schema import Range
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.faults import Fault
+from adatracker_deploy.core.geometry import Pose
 
 if TYPE_CHECKING:
     from pathlib import Path
     from types import TracebackType
 
-    from adatracker_deploy.perception.camera import Camera
-    from adatracker_deploy.profile import Profile
-    from adatracker_deploy.runtime.clock import Clock
-
-__all__ = [
-    "ZERO",
-    "Body",
-    "CameraMount",
-    "Check",
-    "Limits",
-    "Platform",
-    "PlatformError",
-    "PlatformState",
-    "Scenario",
-    "Sitl",
-    "Twist",
-    "load_platform",
-    "platform_names",
-    "while_told",
-]
-
-T = TypeVar("T")
-
-ENTRY_POINT_GROUP = "adatracker_deploy.platforms"
-_DISTRIBUTION = "adatracker-deploy"
-"""Whose robots' libraries are extras; another package's robot names what it lacks."""
-
-
-@dataclass(frozen=True, slots=True)
-class Twist:
-    """A velocity in the body frame of ROS REP 103: x forward, y left, z up, yaw counter-clockwise."""
-
-    vx: float = 0.0
-    """Forward, m/s."""
-    vy: float = 0.0
-    """Left, m/s."""
-    vz: float = 0.0
-    """Up, m/s."""
-    yaw_rate: float = 0.0
-    """Counter-clockwise seen from above, rad/s."""
-
-    def is_finite(self) -> bool:
-        """Tell whether no component is NaN or infinite."""
-        return all(map(math.isfinite, (self.vx, self.vy, self.vz, self.yaw_rate)))
-
-
-ZERO = Twist()
-
-
-@dataclass(frozen=True, slots=True)
-class PlatformState:
-    """The robot as its own telemetry tells it; missing values are None, never guessed."""
-
-    t_ns: int
-    """Clock time of the newest measurement in here, ns; 0 before the first."""
-    mode: str = ""
-    """The robot's own name for its mode, at most 23 ASCII characters."""
-    engaged: bool = False
-    """Velocity commands are accepted and obeyed."""
-    landed: bool = True
-    """On the ground (always true for ground robots)."""
-    pose: Pose | None = None
-    """In the robot's local fixed frame: x east or start-forward, y left of it, z up above the start."""
-    velocity: Twist | None = None
-    """Measured, in the body frame."""
-    battery: float | None = None
-    """State of charge, 0 to 1."""
-    stopped: str = ""
-    """Why a stop has latched; empty while none has. At most 95 characters."""
-    taken_over: bool = False
-    """That stop came from elsewhere: the pilot's sticks, a remote control, the robot's own fail-safe."""
-
-    def age_s(self, now_ns: int) -> float:
-        """Return the seconds since the newest measurement; infinite before the first."""
-        return (now_ns - self.t_ns) / 1e9 if self.t_ns else math.inf
-
-
-def while_told(value: T | None, t_ns: int, clock: Clock, timeout_s: float) -> T | None:
-    """Return a measurement, or None where it was told too long ago: what falls silent is no measurement.
-
-    Args:
-        value: the newest.
-        t_ns: when it was told, by the run's clock.
-        clock: the run's.
-        timeout_s: of the machine's seconds.
-    """
-    return value if (clock.now_ns() - t_ns) / 1e9 / clock.speed <= timeout_s else None
+    from adatracker_deploy.config.profile import Profile
+    from adatracker_deploy.core.camera import Camera
+    from adatracker_deploy.core.clock import Clock
+    from adatracker_deploy.core.messages import PlatformState, Twist
 
 
 @dataclass(frozen=True, slots=True)
@@ -321,35 +236,3 @@ class Platform(abc.ABC):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-
-def _registered() -> dict[str, EntryPoint]:
-    return {point.name: point for point in entry_points(group=ENTRY_POINT_GROUP)}
-
-
-def platform_names() -> list[str]:
-    """Return the names of the installed platforms, sorted; imports none of them."""
-    return sorted(_registered())
-
-
-def load_platform(name: str) -> type[Platform]:
-    """Import a robot's package and return its `Platform` class.
-
-    Raises:
-        UsageError: no such robot is installed, its library is missing, or its entry point leads nowhere.
-    """
-    point = _registered().get(name)
-    if point is None:
-        known = ", ".join(platform_names()) or "none"
-        raise UsageError(f"unknown platform {name!r}: installed are {known}")
-    try:
-        loaded = point.load()
-    except ImportError as error:
-        ours = point.dist is not None and point.dist.name == _DISTRIBUTION
-        missing = f"'{_DISTRIBUTION}[{name}]'" if ours else error.name
-        raise UsageError(f"platform {name!r} needs {error.name}: pip install {missing}") from error
-    except AttributeError as error:
-        raise UsageError(f"platform {name!r}: {point.value} cannot be loaded: {error}") from error
-    if not (isinstance(loaded, type) and issubclass(loaded, Platform)):
-        raise UsageError(f"platform {name!r}: {point.value} is not a subclass of Platform")
-    return loaded

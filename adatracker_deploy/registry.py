@@ -1,47 +1,29 @@
-"""A robot's YAML profile as typed, range-checked settings.
+"""Finds robots by their entry points, and their profiles: YAML as typed, range-checked settings.
 
-The policy never sees a profile: it infers camera height and dynamics. What a profile says of the camera's
-place or of the body's dynamics is in ``sitl:`` alone and describes the simulated far end.
+A robot's package is imported only when that robot is asked for.
 """
 
 from __future__ import annotations
 
 import contextlib
 from dataclasses import dataclass
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.platform import Limits, Platform, load_platform, platform_names
-from adatracker_deploy.schema import Range, parse
-from adatracker_deploy.yaml_text import read_yaml
+from adatracker_deploy.config.limits import Limits
+from adatracker_deploy.config.profile import CameraSettings, Profile
+from adatracker_deploy.config.schema import parse
+from adatracker_deploy.config.yaml_text import read_yaml
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.platform import Platform
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CameraSettings:
-    """Where frames come from, and how often."""
-
-    uri: str
-    """``world://SCENE`` renders a virtual world from the pose that the robot itself reports."""
-    rate_hz: Annotated[float, Range(1, 240)] = 30.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Profile:
-    """One robot: how to reach it, what it may do and, for rehearsals, what it is like."""
-
-    name: str
-    platform: str
-    description: str
-    limits: Limits
-    camera: CameraSettings
-    connection: Any
-    """An instance of the platform's `Connection`."""
-    sitl: Any
-    """An instance of the platform's `SitlSettings`."""
+ENTRY_POINT_GROUP = "adatracker_deploy.platforms"
+_DISTRIBUTION = "adatracker-deploy"
+"""Whose robots' libraries are extras; another package's robot names what it lacks."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,3 +114,35 @@ def _usable_platforms() -> Iterator[type[Platform]]:
     for name in platform_names():
         with contextlib.suppress(UsageError):  # what it lacks is told by ``platforms``
             yield load_platform(name)
+
+
+def _registered() -> dict[str, EntryPoint]:
+    return {point.name: point for point in entry_points(group=ENTRY_POINT_GROUP)}
+
+
+def platform_names() -> list[str]:
+    """Return the names of the installed platforms, sorted; imports none of them."""
+    return sorted(_registered())
+
+
+def load_platform(name: str) -> type[Platform]:
+    """Import a robot's package and return its `Platform` class.
+
+    Raises:
+        UsageError: no such robot is installed, its library is missing, or its entry point leads nowhere.
+    """
+    point = _registered().get(name)
+    if point is None:
+        known = ", ".join(platform_names()) or "none"
+        raise UsageError(f"unknown platform {name!r}: installed are {known}")
+    try:
+        loaded = point.load()
+    except ImportError as error:
+        ours = point.dist is not None and point.dist.name == _DISTRIBUTION
+        missing = f"'{_DISTRIBUTION}[{name}]'" if ours else error.name
+        raise UsageError(f"platform {name!r} needs {error.name}: pip install {missing}") from error
+    except AttributeError as error:
+        raise UsageError(f"platform {name!r}: {point.value} cannot be loaded: {error}") from error
+    if not (isinstance(loaded, type) and issubclass(loaded, Platform)):
+        raise UsageError(f"platform {name!r}: {point.value} is not a subclass of Platform")
+    return loaded

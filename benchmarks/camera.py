@@ -15,11 +15,11 @@ import time
 import cv2
 import numpy as np
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.messages import Frame, Truth
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import Frame, Truth
 from adatracker_deploy.perception.mjpeg import MjpegCamera
 from adatracker_deploy.perception.mjpeg_server import MjpegServer
-from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_deploy.runtime.pacer import Pacer
 
 SIZES = ((160, 160), (640, 480))

@@ -30,16 +30,16 @@ from typing import NamedTuple
 
 from rehearsals import family, favour_robot, machine, rehearsal
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.platform import Twist
-from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_deploy.app.trial_run import run_trial
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import Twist
 from adatracker_deploy.runtime.gate import Setpoint
 from adatracker_deploy.runtime.link import RATE_HZ as LINK_HZ
 from adatracker_deploy.runtime.link import Link, Phase
 from adatracker_deploy.runtime.link_process import wall_timeouts
 from adatracker_deploy.runtime.pacer import Pacer
 from adatracker_deploy.runtime.scheduling import Scheduling
-from adatracker_deploy.trial_run import run_trial
 
 GROWTH, GROWTH_MB = 0.03, 3.0
 TICKS = 10

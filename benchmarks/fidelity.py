@@ -15,13 +15,14 @@ import statistics
 import tempfile
 from pathlib import Path
 
+from adatracker_deploy.config.limits import Limits
 from adatracker_deploy.learning.export import export_checkpoint
-from adatracker_deploy.platform import CameraMount, Limits
+from adatracker_deploy.platform import CameraMount
 from adatracker_deploy.policy.base import Policy
 from adatracker_deploy.policy.catalogue import load_policy
-from adatracker_deploy.world import World
-from adatracker_deploy.world.bodies import DriveSettings, KinematicBody
-from adatracker_deploy.world.episode import EpisodeResult, run_episode
+from adatracker_deploy.sim import World
+from adatracker_deploy.sim.bodies import DriveSettings, KinematicBody
+from adatracker_deploy.sim.episode import EpisodeResult, run_episode
 
 PUBLISHED_AR = {0.5: 391.0, 1.0: 370.0}
 """Target speed in m/s -> accumulated reward over 500 steps: AdaTracker's Table II, Offline EVT at 1.7 m."""

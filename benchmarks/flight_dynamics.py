@@ -9,11 +9,11 @@ import argparse
 import statistics
 import time
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.platform import Twist
-from adatracker_drone.autopilot import Autopilot
-from adatracker_drone.body import STEP_S, DroneBody
-from adatracker_drone.settings import SitlSettings
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import Twist
+from adatracker_drone.sim.autopilot import Autopilot
+from adatracker_drone.sim.dynamics import STEP_S, DroneBody
+from adatracker_drone.sim.settings import SitlSettings
 
 COMMAND = Twist(vx=1.0, yaw_rate=0.5)
 

@@ -27,11 +27,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from adatracker_deploy.messages import Box, Frame, MaskClass, Observation
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.messages import Box, Frame, MaskClass, Observation
 from adatracker_deploy.perception.drawing import MASK_SIZE
 from adatracker_deploy.perception.pipeline import Perception
 from adatracker_deploy.policy.pid import PidPolicy
-from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_deploy.runtime.link import Phase
 from adatracker_deploy.runtime.link_process import LinkProcess
 from adatracker_deploy.runtime.loop import Loop

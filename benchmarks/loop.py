@@ -30,11 +30,11 @@ from unittest.mock import patch
 import numpy as np
 from rehearsals import cpu_hogs, favour_robot, machine, rehearsal
 
+from adatracker_deploy.app.trial_run import run_trial
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.doctor.machine import stolen_s
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_deploy.runtime.scheduling import Scheduling, read_cpus
-from adatracker_deploy.trial_run import run_trial
 
 RATE_HZ = 20.0
 RATE_WITHIN = 0.001
@@ -170,7 +170,7 @@ def main():
         print(f"{options.platform}, {time.strftime('%Y-%m-%d')}, {told}", flush=True)
         print(HEAD)
         for hogs, log in itertools.product(options.hogs, options.log):
-            without = patch("adatracker_deploy.trial_run.TrialLog", NoLog)
+            without = patch("adatracker_deploy.app.trial_run.TrialLog", NoLog)
             beside, before_s = functools.partial(cpu_hogs, hogs, options.rest), stolen_s()
             with without if log == "no" else contextlib.nullcontext():
                 trials, endings = measured(options.platform, options.minutes, beside, scheduling)

@@ -32,10 +32,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from adatracker_deploy.messages import Frame
-from adatracker_deploy.models import shipped
+from adatracker_deploy.core.camera import FilmOverError
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.messages import Frame
 from adatracker_deploy.perception.boxes import overlap
-from adatracker_deploy.perception.camera import FilmOverError
 from adatracker_deploy.perception.capture import Capture
 from adatracker_deploy.perception.file import FileCamera
 from adatracker_deploy.perception.models.nanodet import NanoDet
@@ -47,7 +47,7 @@ from adatracker_deploy.perception.target.choice import LEAST_SCORE, Choice
 from adatracker_deploy.perception.target.lock import TargetLock
 from adatracker_deploy.perception.target.motion import CameraMotion
 from adatracker_deploy.perception.target_segmenter import TargetSegmenter
-from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_deploy.perception.weights import shipped
 
 RATE_HZ = 7.0
 """Of PETS09-S2L1; the file says 10."""

@@ -9,13 +9,13 @@ import sys
 from collections import Counter
 from pathlib import Path
 
+from adatracker_deploy.app.trial_run import TrialPlan
 from adatracker_deploy.perception.segmenters import TRUTH, open_segmenter
 from adatracker_deploy.perception.target.choice import Choice
-from adatracker_deploy.platform import Scenario, load_platform
+from adatracker_deploy.platform import Scenario
 from adatracker_deploy.policy.catalogue import load_policy
-from adatracker_deploy.profile import load_profile
+from adatracker_deploy.registry import load_platform, load_profile
 from adatracker_deploy.runtime.scheduling import ORDINARY, Scheduling
-from adatracker_deploy.trial_run import TrialPlan
 
 POLICY = "pid"
 """Runs at 20 Hz."""

@@ -16,11 +16,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.messages import Box, MaskClass
-from adatracker_deploy.platform import Twist
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import Box, MaskClass, Twist
+from adatracker_deploy.core.record import Latency, StepRecord
 from adatracker_deploy.trial.folder import FILE_NAME
-from adatracker_deploy.trial.record import Latency, StepRecord
 from adatracker_deploy.trial.step_json import STEP_FORMAT
 from adatracker_deploy.trial.trial_file import TrialFile
 

@@ -20,12 +20,13 @@ import cv2
 import numpy as np
 import zenoh
 
-from adatracker_deploy.platform import Scenario, Twist, load_platform
-from adatracker_deploy.profile import load_profile
-from adatracker_deploy.runtime.clock import MonotonicClock
-from adatracker_quadruped.keys import Keys
-from adatracker_quadruped.messages import CompressedImage, encode_compressed_image
-from adatracker_quadruped.session import zenoh_config
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.messages import Twist
+from adatracker_deploy.platform import Scenario
+from adatracker_deploy.registry import load_platform, load_profile
+from adatracker_quadruped.protocol.keys import Keys
+from adatracker_quadruped.protocol.messages import CompressedImage, encode_compressed_image
+from adatracker_quadruped.protocol.session import zenoh_config
 
 RATE_HZ = 50.0
 PERIOD_NS = round(1e9 / RATE_HZ)

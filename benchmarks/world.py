@@ -10,11 +10,12 @@ import statistics
 import time
 from collections.abc import Callable
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.platform import CameraMount, Twist
-from adatracker_deploy.world import World, scene_names
-from adatracker_deploy.world.bodies import DriveSettings, KinematicBody
-from adatracker_deploy.world.task import Task, TaskSettings
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import Twist
+from adatracker_deploy.platform import CameraMount
+from adatracker_deploy.sim import World, scene_names
+from adatracker_deploy.sim.bodies import DriveSettings, KinematicBody
+from adatracker_deploy.sim.task import Task, TaskSettings
 
 FOV_RAD = math.pi / 2
 

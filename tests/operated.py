@@ -6,10 +6,10 @@ import sys
 import threading
 from pathlib import Path
 
-import adatracker_deploy.trial_run
+import adatracker_deploy.app.trial_run
 from adatracker_deploy.cli import main
+from adatracker_deploy.scoring.summary import summarise_log
 from adatracker_deploy.trial.reader import read_scored
-from adatracker_deploy.trial.summary import summarise_log
 from tests.report.pages import write_trial
 from tests.trial.records import a_step
 
@@ -27,6 +27,6 @@ def short_trial(plan, progress, started_s, stop):
 
 if __name__ == "__main__":
     Path(sys.argv[1]).mkdir()
-    adatracker_deploy.trial_run.run_trial = short_trial
+    adatracker_deploy.app.trial_run.run_trial = short_trial
     real = ("--platform", "wheeled", "--camera", "world://simple_room", "--trials", "3")
     sys.exit(main([*real, "--log-dir", sys.argv[1]]))

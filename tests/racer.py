@@ -10,10 +10,9 @@ import json
 import sys
 import time
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.platform import load_platform
-from adatracker_deploy.profile import load_profile
-from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.registry import load_platform, load_profile
 from tests.other_machine import OfAnotherMachine
 
 

@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 from adatracker_deploy.cli import main
 from adatracker_deploy.cli.asking import ask
 from adatracker_deploy.runtime import operator_stop
+from adatracker_deploy.scoring.summary import summarise_log
 from adatracker_deploy.trial.marks import read_marks
 from adatracker_deploy.trial.reader import read_scored
-from adatracker_deploy.trial.summary import summarise_log
 from tests.report.pages import write_trial
 from tests.trial.records import a_step
 
@@ -87,7 +87,7 @@ class Rig:
 
     def __init__(self, monkeypatch, folder):
         self.folder, self.ends, self.ran = folder, [], 0
-        monkeypatch.setattr("adatracker_deploy.trial_run.run_trial", self._run)
+        monkeypatch.setattr("adatracker_deploy.app.trial_run.run_trial", self._run)
         monkeypatch.setattr(operator_stop, "in_terminal", lambda: True)
         monkeypatch.setattr("adatracker_deploy.runtime.operator_stop.heard", _nobody)
         self._monkeypatch = monkeypatch

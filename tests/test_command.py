@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from adatracker_deploy.cli import main
-from adatracker_deploy.profile import profile_dir
+from adatracker_deploy.registry import profile_dir
 
 DRONE = ("--platform", "drone", "--sitl")
 

@@ -16,13 +16,13 @@ import cv2
 import numpy as np
 import pytest
 
+from adatracker_deploy.app.view_run import Viewer
 from adatracker_deploy.cli import main
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.messages import Action, Box, Frame, Observation, TargetState, Truth
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import Action, Box, Frame, Observation, TargetState, Truth
 from adatracker_deploy.perception.capture import Capture
 from adatracker_deploy.perception.mjpeg_server import MjpegServer
 from adatracker_deploy.policy.base import ActionAxis, PolicyInfo
-from adatracker_deploy.view_run import Viewer
 
 PERIOD_NS = 100_000_000
 
@@ -102,7 +102,7 @@ def test_nothing_seen_can_be_summed_up():
 def test_a_policys_numbers_are_shown_in_the_axes_and_signs_of_its_manifest(monkeypatch):
     drawn = []
     monkeypatch.setattr(
-        "adatracker_deploy.view_run.overlay", lambda *args: drawn.append(args[-1]) or picture(1)
+        "adatracker_deploy.app.view_run.overlay", lambda *args: drawn.append(args[-1]) or picture(1)
     )
     looked([TargetState.TRACKED], Backwards())
     looked([TargetState.TRACKED])

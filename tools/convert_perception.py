@@ -14,9 +14,9 @@ import tempfile
 from pathlib import Path
 from typing import NoReturn
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 
-MODELS = Path(__file__).parents[1] / "adatracker_deploy" / "models"
+MODELS = Path(__file__).parents[1] / "adatracker_deploy" / "perception" / "weights"
 
 
 class _Parser(argparse.ArgumentParser):

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 from typing import NoReturn
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 
 
 class _Parser(argparse.ArgumentParser):
@@ -45,8 +45,8 @@ def _train(args: argparse.Namespace) -> Path:
         from adatracker_deploy.learning.train.online_rl import OnlineSettings, train_online
     except ImportError as error:
         raise UsageError(f"this needs {error.name}: pip install 'adatracker-deploy[train,rl]'") from error
+    from adatracker_deploy.config.schema import parse
     from adatracker_deploy.learning.conditions import condition_named
-    from adatracker_deploy.schema import parse
 
     keys = ("condition", "steps", "seed")
     given = {key: getattr(args, key) for key in keys if getattr(args, key) is not None}

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.perception.camera import ROBOT, scene_of, without_password
+from adatracker_deploy.core.camera import ROBOT, scene_of, without_password
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.perception.live import NO_STAMPS, LiveCamera
 from adatracker_deploy.perception.sources import open_source
 from adatracker_deploy.perception.world_camera import WorldCamera
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     import contextlib
     from collections.abc import Callable
 
-    from adatracker_deploy.geometry import Pose
-    from adatracker_deploy.perception.camera import Camera
-    from adatracker_deploy.profile import Profile
-    from adatracker_deploy.runtime.clock import Clock
-    from adatracker_deploy.trial_run import TrialPlan
+    from adatracker_deploy.app.trial_run import TrialPlan
+    from adatracker_deploy.config.profile import Profile
+    from adatracker_deploy.core.camera import Camera
+    from adatracker_deploy.core.clock import Clock
+    from adatracker_deploy.core.geometry import Pose
 
 IMAGE_SIZE = (160, 160)
 """Of the virtual camera, px: the size at which masks are drawn for policies."""
@@ -78,7 +78,7 @@ def virtual_person(plan: TrialPlan) -> str:
 
 
 def _virtual_camera(plan: TrialPlan, profile: Profile, pose: Callable[[], Pose | None]) -> WorldCamera:
-    from adatracker_deploy.world import World  # needs the sitl extra
+    from adatracker_deploy.sim import World  # needs the sitl extra
 
     scenario = plan.scenario
     world = World(scenario.scene, seed=scenario.seed, target_speed_m_s=scenario.target_speed_m_s)

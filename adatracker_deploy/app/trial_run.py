@@ -15,37 +15,37 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from adatracker_deploy.dry_run import DryRun
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.perception.camera import FilmOverError, scene_of, without_password
-from adatracker_deploy.perception.pipeline import Perception, Seen, refuse_hung
-from adatracker_deploy.platform import ZERO
-from adatracker_deploy.runtime import pause
+from adatracker_deploy.app.trial_camera import open_camera, virtual_person
+from adatracker_deploy.core import pause
+from adatracker_deploy.core.camera import FilmOverError, scene_of, without_password
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import ZERO, Seen
+from adatracker_deploy.core.record import RESULTS
+from adatracker_deploy.perception.pipeline import Perception, refuse_hung
 from adatracker_deploy.runtime.black_box import FILE_NAME
-from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_deploy.runtime.dry_run import DryRun
 from adatracker_deploy.runtime.engagement import Engagement
 from adatracker_deploy.runtime.link_process import LinkProcess
 from adatracker_deploy.runtime.loop import Ending, Loop
 from adatracker_deploy.runtime.operator_stop import StopRequest
 from adatracker_deploy.runtime.scheduling import ORDINARY, Scheduling, obtained
 from adatracker_deploy.runtime.sleep_inhibitor import inhibited
+from adatracker_deploy.scoring.tally import Tally
 from adatracker_deploy.trial.live_port import app_url, websocket_url
 from adatracker_deploy.trial.log import TrialLog
-from adatracker_deploy.trial.record import RESULTS
-from adatracker_deploy.trial.tally import Tally
-from adatracker_deploy.trial_camera import open_camera, virtual_person
 
 if TYPE_CHECKING:
+    from adatracker_deploy.config.profile import Profile
+    from adatracker_deploy.core.camera import Camera
+    from adatracker_deploy.core.geometry import Pose
+    from adatracker_deploy.core.record import StepRecord
     from adatracker_deploy.faults.injection import Injection
     from adatracker_deploy.faults.schedule import Strike
-    from adatracker_deploy.geometry import Pose
-    from adatracker_deploy.perception.camera import Camera
     from adatracker_deploy.perception.segmenter import Segmenter
     from adatracker_deploy.platform import Check, Platform, Scenario, Sitl
     from adatracker_deploy.policy.base import Policy
-    from adatracker_deploy.profile import Profile
     from adatracker_deploy.trial.privacy import Frames
-    from adatracker_deploy.trial.record import StepRecord
 
 FIRST_SIGHT_TIMEOUT_S = 10.0
 LOOK_HZ = 200.0

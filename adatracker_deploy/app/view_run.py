@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from adatracker_deploy.messages import TargetState
-from adatracker_deploy.perception.camera import FilmOverError
+from adatracker_deploy.core.camera import FilmOverError
+from adatracker_deploy.core.messages import TargetState
 from adatracker_deploy.perception.overlay import Drive, overlay
 from adatracker_deploy.perception.pipeline import perceive
 from adatracker_deploy.policy.onnx_policy import OnnxPolicy
@@ -20,13 +20,13 @@ from adatracker_deploy.runtime.pacer import Pacer
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from adatracker_deploy.messages import Action, Frame, Observation
-    from adatracker_deploy.perception.camera import Camera
+    from adatracker_deploy.core.camera import Camera
+    from adatracker_deploy.core.clock import Clock
+    from adatracker_deploy.core.messages import Action, Frame, Observation
     from adatracker_deploy.perception.film import FilmCamera
     from adatracker_deploy.perception.overlay import Image
     from adatracker_deploy.perception.segmenter import Segmenter
     from adatracker_deploy.policy.base import Policy
-    from adatracker_deploy.runtime.clock import Clock
 
 _LOOK_HZ = 120.0
 """How often a live camera is asked for its newest frame: more often than any camera has one."""

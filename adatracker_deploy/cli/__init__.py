@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from adatracker_deploy import __version__
-from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.core.errors import PlatformError, UsageError
 
 STARTED_S = time.monotonic()
 """When this process began, as near as Python code can tell."""

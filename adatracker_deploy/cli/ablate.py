@@ -9,7 +9,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 
 if TYPE_CHECKING:
     from adatracker_deploy.evaluation.ablation import ArmScore
@@ -149,8 +149,8 @@ def _show(args: argparse.Namespace, scored: dict[str, list[ArmScore]]) -> None:
 
 
 def _settings(args: argparse.Namespace) -> TrainSettings:
+    from adatracker_deploy.config.schema import parse
     from adatracker_deploy.learning.train.settings import TrainSettings
-    from adatracker_deploy.schema import parse
 
     keys = ("recipe", "updates", "rounds", "round_steps")
     given: dict[str, Any] = {key: getattr(args, key) for key in keys if getattr(args, key) is not None}

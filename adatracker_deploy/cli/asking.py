@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.trial.marks import Mark, Verdict, typed
 
 if TYPE_CHECKING:
@@ -48,9 +48,9 @@ def mark(
         console: where the questions stand.
         more: whether there may be another trial after an outcome; None where this was the last.
     """
+    from adatracker_deploy.scoring.summary import summarise_log
     from adatracker_deploy.trial.marks import add_mark, now_utc
     from adatracker_deploy.trial.reader import read_scored, trial_file
-    from adatracker_deploy.trial.summary import summarise_log
 
     ended = f"{summary['outcome']}, EL {summary['el']} of {summary['steps']}: {summary['trial']}"
     console.print(ended, markup=False, highlight=False, soft_wrap=True)

@@ -49,8 +49,8 @@ def run(args: argparse.Namespace) -> int:
 
     from rich.console import Console
 
-    from adatracker_deploy.trial.compare import compare
-    from adatracker_deploy.trial.compare_view import comparison_record, comparison_table
+    from adatracker_deploy.scoring.compare import compare
+    from adatracker_deploy.scoring.compare_view import comparison_record, comparison_table
 
     found = compare(ours, theirs, pairing=args.pairs)
     if args.json:

@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING
 
 from adatracker_deploy.cli.ranges import real
 from adatracker_deploy.cli.seeing import add_segmenter_options
-from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.core.errors import PlatformError, UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from adatracker_deploy.perception.camera import Camera
+    from adatracker_deploy.config.profile import Profile
+    from adatracker_deploy.core.camera import Camera
+    from adatracker_deploy.core.clock import Clock
     from adatracker_deploy.platform import Check, Platform
     from adatracker_deploy.policy.base import Policy
-    from adatracker_deploy.profile import Profile
-    from adatracker_deploy.runtime.clock import Clock
 
 Found = tuple[str, "Check"]
 """Which part was looked at, and what was found."""
@@ -89,13 +89,12 @@ class _Examination:
     """Everything that was asked for, checked before anything is connected."""
 
     def __init__(self, args: argparse.Namespace) -> None:
+        from adatracker_deploy.core.clock import MonotonicClock
         from adatracker_deploy.perception.segmenters import EMBEDDED, OF_REHEARSALS, open_segmenter
         from adatracker_deploy.perception.sources import check_uri
         from adatracker_deploy.perception.target.choice import Choice
-        from adatracker_deploy.platform import load_platform
         from adatracker_deploy.policy.catalogue import load_policy
-        from adatracker_deploy.profile import load_profile
-        from adatracker_deploy.runtime.clock import MonotonicClock
+        from adatracker_deploy.registry import load_platform, load_profile
         from adatracker_deploy.trial.folder import place_for_logs
 
         if args.platform is None and (args.sitl or args.profile):
@@ -147,7 +146,7 @@ class _Examination:
     def _robot(
         self, stack: contextlib.ExitStack, platform: type[Platform], profile: Profile
     ) -> Iterator[Check]:
-        from adatracker_deploy.perception.camera import scene_of
+        from adatracker_deploy.core.camera import scene_of
         from adatracker_deploy.platform import Check, Scenario
         from adatracker_deploy.runtime.link_process import LinkProcess
 
@@ -166,7 +165,7 @@ class _Examination:
             yield self._camera(self._open(profile))
 
     def _open(self, profile: Profile | None) -> Camera:
-        from adatracker_deploy.perception.camera import ROBOT
+        from adatracker_deploy.core.camera import ROBOT
         from adatracker_deploy.perception.sources import open_source
 
         uri = profile.camera.uri if profile else self._args.camera

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -28,8 +28,8 @@ def run(args: argparse.Namespace) -> int:
         UsageError: it is not a trial, or has no ticks; the file is no .rrd or cannot be written; the SDK is
             not installed.
     """
+    from adatracker_deploy.report.rerun_file import write_rerun
     from adatracker_deploy.trial.reader import read_trial
-    from adatracker_deploy.trial.rerun_file import write_rerun
 
     if args.out.suffix != ".rrd":
         raise UsageError(f"--out {args.out}: expected a file that ends in .rrd")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import json
+import signal
 import tempfile
 import threading
 from concurrent.futures import ThreadPoolExecutor
@@ -15,14 +16,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from adatracker_deploy.cli.ranges import whole
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.faults.phases import ORDER, TrialPhase
 
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable, Sequence
 
-    from adatracker_deploy.faults.catalogue import Fault
+    from adatracker_deploy.core.faults import Fault
     from adatracker_deploy.faults.judge import Result
     from adatracker_deploy.faults.stalls import Stalls
 
@@ -88,6 +89,8 @@ def run(args: argparse.Namespace) -> int:
     from adatracker_deploy.faults.stalls import Stalls
     from adatracker_deploy.faults.table import results_table, write_markdown
 
+    if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:  # under nohup: trials would ignore hangups, too
+        signal.signal(signal.SIGHUP, lambda *_: None)
     jobs = _jobs(args)
     console = Console(stderr=args.json)
     told = itertools.count(1)
@@ -202,9 +205,9 @@ def _robots(args: argparse.Namespace) -> list[tuple[str, dict[str, Fault], bool]
     Raises:
         UsageError: there is no such robot, or its far end takes no orders, to have a witness above all.
     """
-    from adatracker_deploy.faults.catalogue import known_faults
-    from adatracker_deploy.platform import Sitl, load_platform, platform_names
-    from adatracker_deploy.profile import load_profile
+    from adatracker_deploy.core.faults import known_faults
+    from adatracker_deploy.platform import Sitl
+    from adatracker_deploy.registry import load_platform, load_profile, platform_names
 
     robots = []
     for name in args.platform or platform_names():

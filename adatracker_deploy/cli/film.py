@@ -7,7 +7,7 @@ import contextlib
 import json
 from pathlib import Path
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -32,8 +32,8 @@ def run(args: argparse.Namespace) -> int:
         PlatformError: the film cannot be finished.
     """
     from adatracker_deploy.perception.film_writer import FilmWriter, check_film_path
+    from adatracker_deploy.report.film import film_rate_hz, shots
     from adatracker_deploy.trial.reader import read_trial
-    from adatracker_deploy.trial_film import film_rate_hz, shots
 
     try:
         check_film_path(args.out)

@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 
 from adatracker_deploy.cli.ranges import whole
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -34,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
     """
     import cv2
 
-    from adatracker_deploy.trial.filmstrip import film_strip
+    from adatracker_deploy.report.filmstrip import film_strip
     from adatracker_deploy.trial.reader import read_trial
 
     strip = film_strip(read_trial(args.trial), args.frames)

@@ -5,9 +5,8 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.platform import load_platform, platform_names
-from adatracker_deploy.profile import load_profile, profile_names
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.registry import load_platform, load_profile, platform_names, profile_names
 
 if TYPE_CHECKING:
     import argparse
@@ -67,6 +66,6 @@ def _policies() -> dict[str, str]:
 
 
 def _scenes() -> dict[str, str]:
-    from adatracker_deploy.world import describe_scenes
+    from adatracker_deploy.sim import describe_scenes
 
     return describe_scenes()

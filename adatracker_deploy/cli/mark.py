@@ -7,7 +7,7 @@ import json
 import math
 from pathlib import Path
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.trial.marks import LONGEST_NOTE, VERDICTS
 
 
@@ -43,10 +43,10 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         UsageError: it is no trial, or the mark says nothing, too much, or something of another time.
     """
-    from adatracker_deploy.trial.index import being_written
+    from adatracker_deploy.scoring.index import being_written
+    from adatracker_deploy.scoring.summary import summarise_log
     from adatracker_deploy.trial.marks import Mark, add_mark, marks_path, now_utc, typed
     from adatracker_deploy.trial.reader import read_scored
-    from adatracker_deploy.trial.summary import summarise_log
 
     if len(args.note) > LONGEST_NOTE:
         raise UsageError(f"--note: at most {LONGEST_NOTE} characters")

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from adatracker_deploy.trial.record import StepRecord
+    from adatracker_deploy.core.record import StepRecord
 
 LINE_EVERY_S = 5.0
 REDRAW_EVERY_S = 0.1

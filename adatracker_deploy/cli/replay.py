@@ -8,7 +8,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 
 if TYPE_CHECKING:
     from adatracker_deploy.policy.base import Policy
@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
     """
     from rich.console import Console
 
-    from adatracker_deploy.profile import load_limits
+    from adatracker_deploy.registry import load_limits
     from adatracker_deploy.replay.trial_again import ask_again, gate_again
     from adatracker_deploy.replay.view import gate_record, gate_view, policy_record, policy_view
     from adatracker_deploy.trial.aftermath import aftermath_of

@@ -12,25 +12,25 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from adatracker_deploy.cli.extras import need
 from adatracker_deploy.cli.ranges import real, whole
 from adatracker_deploy.cli.seeing import add_segmenter_options
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.extras import need
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.record import RESULTS
 from adatracker_deploy.policy.catalogue import DEFAULT
 from adatracker_deploy.trial.live_port import DEFAULT_PORT, choose_port
-from adatracker_deploy.trial.record import RESULTS
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from adatracker_deploy.app.trial_run import TrialPlan
+    from adatracker_deploy.config.profile import Profile
     from adatracker_deploy.faults.schedule import Strike
     from adatracker_deploy.perception.segmenter import Segmenter
     from adatracker_deploy.platform import Platform, Sitl
-    from adatracker_deploy.profile import Profile
     from adatracker_deploy.runtime.operator_stop import StopRequest
     from adatracker_deploy.runtime.running import Announcement
     from adatracker_deploy.runtime.scheduling import Scheduling
-    from adatracker_deploy.trial_run import TrialPlan
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -138,10 +138,10 @@ def run(args: argparse.Namespace) -> int:
 
     from adatracker_deploy.runtime.operator_stop import StopRequest
     from adatracker_deploy.runtime.running import Announcement
+    from adatracker_deploy.scoring.stage_table import stage_table
+    from adatracker_deploy.scoring.summary import summarise_set, timing_words
+    from adatracker_deploy.scoring.summary_table import summary_table
     from adatracker_deploy.trial.salvage import salvage_all
-    from adatracker_deploy.trial.stage_table import stage_table
-    from adatracker_deploy.trial.summary import summarise_set, timing_words
-    from adatracker_deploy.trial.summary_table import summary_table
 
     plans = _plans(args)
     console = Console(stderr=args.json)
@@ -176,10 +176,10 @@ def _run_all(
     stop: StopRequest,
 ) -> list[dict[str, Any]]:
     """Run the trials; Enter and `--stop-fd` stop one that runs, and nothing while the operator is asked."""
+    from adatracker_deploy.app.trial_run import run_trial
     from adatracker_deploy.cli import STARTED_S, asking
     from adatracker_deploy.cli.progress import Progress
     from adatracker_deploy.runtime.operator_stop import heard
-    from adatracker_deploy.trial_run import run_trial
 
     asks = _asks(args, plans)
     summaries: list[dict[str, Any]] = []
@@ -250,13 +250,13 @@ def _extras(args: argparse.Namespace, names: list[str]) -> list[str]:
 
 
 def _plan(args: argparse.Namespace, name: str) -> TrialPlan:
-    from adatracker_deploy.perception.camera import WORLD, scene_of
+    from adatracker_deploy.app.trial_run import TrialPlan
+    from adatracker_deploy.core.camera import WORLD, scene_of
     from adatracker_deploy.perception.sources import check_uri
-    from adatracker_deploy.platform import Scenario, load_platform
+    from adatracker_deploy.platform import Scenario
     from adatracker_deploy.policy.catalogue import load_policy
-    from adatracker_deploy.profile import load_profile
+    from adatracker_deploy.registry import load_platform, load_profile
     from adatracker_deploy.trial.folder import place_for_logs
-    from adatracker_deploy.trial_run import TrialPlan
 
     if args.dry_run and args.sitl:
         raise UsageError("--dry-run moves nothing, --sitl moves a simulated robot: give one of them")
@@ -314,7 +314,7 @@ def _scheduling(args: argparse.Namespace) -> Scheduling:
 
 
 def _faults(args: argparse.Namespace, platform: type[Platform], profile: Profile) -> tuple[Strike, ...]:
-    from adatracker_deploy.faults.catalogue import known_faults
+    from adatracker_deploy.core.faults import known_faults
     from adatracker_deploy.faults.schedule import parse_schedule
 
     if not args.sitl:
@@ -338,7 +338,7 @@ def _far_end(args: argparse.Namespace, platform: type[Platform], profile: Profil
 def _segmenter(
     args: argparse.Namespace, profile: Profile, uri: str, *, virtual: bool
 ) -> tuple[Segmenter, str]:
-    from adatracker_deploy.perception.camera import ON_A_WIRE
+    from adatracker_deploy.core.camera import ON_A_WIRE
     from adatracker_deploy.perception.segmenters import EMBEDDED, OF_REHEARSALS, TRUTH, open_segmenter
     from adatracker_deploy.perception.target.choice import Choice
 
@@ -363,7 +363,7 @@ def _segmenter(
 
 def _check_world(scene: str) -> None:
     try:
-        from adatracker_deploy.world import check_scene
+        from adatracker_deploy.sim import check_scene
     except ImportError as error:
         raise UsageError(
             f"a virtual world needs {error.name}: pip install 'adatracker-deploy[sitl]'"

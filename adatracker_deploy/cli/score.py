@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 
 from adatracker_deploy.cli.scoring import add_scoring_options, gather
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -48,10 +48,10 @@ def run(args: argparse.Namespace) -> int:
 
     from rich.console import Console
 
-    from adatracker_deploy.trial.csv_table import csv_table
-    from adatracker_deploy.trial.latex import real_world_table
-    from adatracker_deploy.trial.summary import summarise_set
-    from adatracker_deploy.trial.summary_table import summary_table
+    from adatracker_deploy.scoring.csv_table import csv_table
+    from adatracker_deploy.scoring.latex import real_world_table
+    from adatracker_deploy.scoring.summary import summarise_set
+    from adatracker_deploy.scoring.summary_table import summary_table
 
     if args.csv is not None:
         _write(args.csv, csv_table(summaries))

@@ -9,14 +9,14 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from adatracker_deploy.trial.box_file import BoxOptions
-    from adatracker_deploy.trial.metrics import Rules
-    from adatracker_deploy.trial.tally import Summary
+    from adatracker_deploy.scoring.box_file import BoxOptions
+    from adatracker_deploy.scoring.metrics import Rules
+    from adatracker_deploy.scoring.tally import Summary
 
 
 def add_scoring_options(parser: argparse.ArgumentParser) -> None:
@@ -81,7 +81,7 @@ def gather(paths: Sequence[Path], args: argparse.Namespace, *, boxes: bool = Fal
     Raises:
         UsageError: nothing could be scored.
     """
-    from adatracker_deploy.trial.sources import find_box_files, find_sources, summarise_source
+    from adatracker_deploy.scoring.sources import find_box_files, find_sources, summarise_source
 
     rules, options = _rules(args), _box_options(args)
     summaries: list[Summary] = []
@@ -116,14 +116,14 @@ def gather(paths: Sequence[Path], args: argparse.Namespace, *, boxes: bool = Fal
 
 def _without_flags(paths: Sequence[Path]) -> list[Path]:
     """Return the paths less the flags of absence of others among them, as a shell's pattern gives both."""
-    from adatracker_deploy.trial.box_file import ABSENT_SUFFIX
+    from adatracker_deploy.scoring.box_file import ABSENT_SUFFIX
 
     flags = {path.with_name(path.stem + ABSENT_SUFFIX) for path in paths}
     return [path for path in paths if path not in flags]
 
 
 def _remark(row: Summary, *, everything: bool) -> None:
-    from adatracker_deploy.trial.summary import timing_words
+    from adatracker_deploy.scoring.summary import timing_words
 
     if row.get("assumed_size"):
         width, height = row["assumed_size"]
@@ -151,7 +151,7 @@ def _say(line: str) -> None:
 
 
 def _rules(args: argparse.Namespace) -> Rules:
-    from adatracker_deploy.trial.metrics import Rules
+    from adatracker_deploy.scoring.metrics import Rules
 
     return Rules(
         max_lost_steps=args.lost_steps,
@@ -161,7 +161,7 @@ def _rules(args: argparse.Namespace) -> Rules:
 
 
 def _box_options(args: argparse.Namespace) -> BoxOptions:
-    from adatracker_deploy.trial.box_file import BoxOptions
+    from adatracker_deploy.scoring.box_file import BoxOptions
 
     return BoxOptions(image_size=args.image_size, absent=args.absent, target=args.id, rate_hz=args.rate)
 

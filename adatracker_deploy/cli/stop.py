@@ -10,7 +10,7 @@ import signal
 import time
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 
 if TYPE_CHECKING:
     import argparse

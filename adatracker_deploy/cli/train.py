@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 
 if TYPE_CHECKING:
     from adatracker_deploy.learning.train.settings import TrainSettings
@@ -103,8 +103,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _settings(args: argparse.Namespace) -> TrainSettings:
+    from adatracker_deploy.config.schema import parse
     from adatracker_deploy.learning.train.settings import TrainSettings, Variant
-    from adatracker_deploy.schema import parse
 
     for name in args.variant:
         if name not in get_args(Variant):

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from adatracker_deploy.trial.index import Row
+    from adatracker_deploy.scoring.index import Row
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -38,7 +38,7 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         UsageError: there is no such folder, or no trial in it.
     """
-    from adatracker_deploy.trial.index import COLUMNS, index
+    from adatracker_deploy.scoring.index import COLUMNS, index
 
     rows = index(args.folder)
     if args.json:
@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _lines(rows: Sequence[Row], folder: Path) -> Iterator[str]:
     """Give a line a trial, in columns as wide as they must be: no terminal's width cuts a name."""
-    from adatracker_deploy.trial.index import totals
+    from adatracker_deploy.scoring.index import totals
 
     cells: list[tuple[str, ...]] = [
         ("began, UTC", "robot", "policy", "outcome", "MR", "EL", "s", "MB", "trial")
@@ -77,7 +77,7 @@ _RIGHT = range(4, 8)
 
 
 def _cells(row: Row, folder: Path) -> tuple[str, ...]:
-    from adatracker_deploy.trial.summary_table import number_text
+    from adatracker_deploy.scoring.summary_table import number_text
 
     known = row["error"] is None
     return (

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from adatracker_deploy.cli.seeing import add_segmenter_options
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.policy.catalogue import DEFAULT
 
 if TYPE_CHECKING:
@@ -53,14 +53,14 @@ def run(args: argparse.Namespace) -> int:
     """
     from rich.console import Console
 
-    from adatracker_deploy.messages import Frame
-    from adatracker_deploy.perception.camera import without_password
+    from adatracker_deploy.app.view_run import Viewer, film_frames, live_frames
+    from adatracker_deploy.core.camera import without_password
+    from adatracker_deploy.core.clock import MonotonicClock
+    from adatracker_deploy.core.messages import Frame
     from adatracker_deploy.perception.film import FilmCamera
     from adatracker_deploy.perception.segmenters import EMBEDDED, open_segmenter
     from adatracker_deploy.perception.sources import open_source
     from adatracker_deploy.perception.target.choice import Choice
-    from adatracker_deploy.runtime.clock import MonotonicClock
-    from adatracker_deploy.view_run import Viewer, film_frames, live_frames
 
     console = Console(stderr=args.json, highlight=False, soft_wrap=True)
     clock = MonotonicClock()

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Annotated, Literal
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.schema import Range
+from adatracker_deploy.config.schema import Range
+from adatracker_deploy.core.errors import UsageError
 
 Dispensable = Literal[
     "altitude", "battery", "geofence", "jerk", "position_jumped", "ramp", "state_lost", "too_close"

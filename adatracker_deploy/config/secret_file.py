@@ -5,7 +5,7 @@ from __future__ import annotations
 import stat
 from pathlib import Path
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 
 
 def check_secret(name: str, *, where: str) -> Path:

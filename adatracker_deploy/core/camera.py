@@ -9,10 +9,10 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Protocol
 
-from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.core.errors import PlatformError
 
 if TYPE_CHECKING:
-    from adatracker_deploy.messages import Frame
+    from adatracker_deploy.core.messages import Frame
 
 WORLD = "world://"
 ROBOT = "robot://"

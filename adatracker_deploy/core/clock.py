@@ -6,7 +6,7 @@ import time
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from adatracker_deploy.runtime import pause
+from adatracker_deploy.core import pause
 
 _SURE_NS = 1_000_000
 """Two clocks that were read within this time can be compared."""

@@ -15,7 +15,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from adatracker_deploy.messages import ClassMask
+    from adatracker_deploy.core.messages import ClassMask
 
 PALETTE = ((0, 0, 0), (60, 220, 90), (240, 150, 40), (120, 120, 130))
 """RGB of background, target, person, obstacle: `MaskClass` is the index."""

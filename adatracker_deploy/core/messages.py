@@ -7,12 +7,14 @@ clock (monotonic, scaled in a rehearsal at ``--speed``), never wall-clock time.
 from __future__ import annotations
 
 import enum
+import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from adatracker_deploy.geometry import Pose
+from adatracker_deploy.core.geometry import Pose
 
 ClassMask = NDArray[np.uint8]
 """Shape (H, W); values are `MaskClass`."""
@@ -115,3 +117,63 @@ class Action:
     values: NDArray[np.float32]
     context: NDArray[np.float32] | None = None
     """The embodiment context z of shape (n,), where the policy has an encoder."""
+
+
+@dataclass(frozen=True, slots=True)
+class Twist:
+    """A velocity in the body frame of ROS REP 103: x forward, y left, z up, yaw counter-clockwise."""
+
+    vx: float = 0.0
+    """Forward, m/s."""
+    vy: float = 0.0
+    """Left, m/s."""
+    vz: float = 0.0
+    """Up, m/s."""
+    yaw_rate: float = 0.0
+    """Counter-clockwise seen from above, rad/s."""
+
+    def is_finite(self) -> bool:
+        """Tell whether no component is NaN or infinite."""
+        return all(map(math.isfinite, (self.vx, self.vy, self.vz, self.yaw_rate)))
+
+
+ZERO = Twist()
+
+
+@dataclass(frozen=True, slots=True)
+class PlatformState:
+    """The robot as its own telemetry tells it; missing values are None, never guessed."""
+
+    t_ns: int
+    """Clock time of the newest measurement in here, ns; 0 before the first."""
+    mode: str = ""
+    """The robot's own name for its mode, at most 23 ASCII characters."""
+    engaged: bool = False
+    """Velocity commands are accepted and obeyed."""
+    landed: bool = True
+    """On the ground (always true for ground robots)."""
+    pose: Pose | None = None
+    """In the robot's local fixed frame: x east or start-forward, y left of it, z up above the start."""
+    velocity: Twist | None = None
+    """Measured, in the body frame."""
+    battery: float | None = None
+    """State of charge, 0 to 1."""
+    stopped: str = ""
+    """Why a stop has latched; empty while none has. At most 95 characters."""
+    taken_over: bool = False
+    """That stop came from elsewhere: the pilot's sticks, a remote control, the robot's own fail-safe."""
+
+    def age_s(self, now_ns: int) -> float:
+        """Return the seconds since the newest measurement; infinite before the first."""
+        return (now_ns - self.t_ns) / 1e9 if self.t_ns else math.inf
+
+
+class Seen(NamedTuple):
+    """An observation with the frame it was made from."""
+
+    frame: Frame
+    observation: Observation
+    taken_ns: int | None = None
+    """When perception had the frame, by the run's clock; None where frames are segmented without one."""
+    ready_ns: int | None = None
+    """When the observation was made, likewise."""

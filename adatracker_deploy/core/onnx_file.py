@@ -12,7 +12,7 @@ from typing import Any
 import onnx
 from google.protobuf.message import DecodeError, Message
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 
 OWN_DOMAINS = ("", "ai.onnx")
 """Two spellings of ONNX's own operators."""

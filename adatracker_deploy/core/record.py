@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.messages import Box
-from adatracker_deploy.platform import Twist
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import Box, Twist
 
 Outcome = Literal[
     "completed", "lost", "wrong_person", "collision", "safety_stop", "takeover", "system_fault", "interrupted"

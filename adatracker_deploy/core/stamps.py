@@ -2,6 +2,13 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, TypeVar
+
+if TYPE_CHECKING:
+    from adatracker_deploy.core.clock import Clock
+
+T = TypeVar("T")
+
 RESTARTED_AFTER = 3
 """So many older stamps without a newer one between them are no packets that overtook each other: the sender
 was restarted, or its clock was set back."""
@@ -30,3 +37,15 @@ class StampOrder:
             self._newest_ns, self._older = stamp_ns, 0
             self.restarts += 1
         return False
+
+
+def while_told(value: T | None, t_ns: int, clock: Clock, timeout_s: float) -> T | None:
+    """Return a measurement, or None where it was told too long ago: what falls silent is no measurement.
+
+    Args:
+        value: the newest.
+        t_ns: when it was told, by the run's clock.
+        clock: the run's.
+        timeout_s: of the machine's seconds.
+    """
+    return value if (clock.now_ns() - t_ns) / 1e9 / clock.speed <= timeout_s else None

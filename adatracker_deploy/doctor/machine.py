@@ -7,7 +7,7 @@ import shutil
 import time
 from pathlib import Path
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.platform import Check
 from adatracker_deploy.runtime.scheduling import MEND, MEND_AWAKE, Scheduling
 

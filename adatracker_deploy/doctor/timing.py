@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from adatracker_deploy.core.messages import Frame, Observation
 from adatracker_deploy.doctor.machine import LOG_BYTES_PER_S, stolen_s
-from adatracker_deploy.messages import Frame, Observation
 from adatracker_deploy.perception.drawing import MASK_SIZE
 from adatracker_deploy.platform import Check
 from adatracker_deploy.runtime.loop import MISSED_IN_A_ROW, STALE_OBSERVATION_S
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
-    from adatracker_deploy.perception.camera import Camera
+    from adatracker_deploy.core.camera import Camera
+    from adatracker_deploy.core.clock import Clock
     from adatracker_deploy.perception.segmenter import Segmenter
     from adatracker_deploy.policy.base import Policy
-    from adatracker_deploy.runtime.clock import Clock
 
 LATE_P99_S, LATE_MAX_S = 0.002, 0.010
 """Of the loop's ticks, on a robot."""

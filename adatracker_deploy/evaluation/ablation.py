@@ -16,7 +16,7 @@ from rich.text import Text
 
 from adatracker_deploy.evaluation.rows import interval_text, signed_text
 from adatracker_deploy.evaluation.scores import METRICS
-from adatracker_deploy.stats.intervals import Estimate, mean_difference, mean_estimate
+from adatracker_deploy.scoring.stats.intervals import Estimate, mean_difference, mean_estimate
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.evaluation.context import Recorded, explained, settled_tick, settling
 from adatracker_deploy.evaluation.play import Episode, Played
 from adatracker_deploy.learning.data.recipe import load_recipe
 from adatracker_deploy.learning.seeds import FIRST_EVALUATION
-from adatracker_deploy.stats.intervals import Estimate, mean_estimate
+from adatracker_deploy.scoring.stats.intervals import Estimate, mean_estimate
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.evaluation.play import Episode
 from adatracker_deploy.learning.conditions import HEIGHTS_M, TARGET_SPEEDS_M_S, condition_named, make_cell
 from adatracker_deploy.learning.episode_spec import RATE_HZ
 from adatracker_deploy.learning.seeds import FIRST_EVALUATION
 from adatracker_deploy.policy.catalogue import load_policy
 from adatracker_deploy.policy.onnx_policy import OnnxPolicy
-from adatracker_deploy.world import check_scene
+from adatracker_deploy.sim import check_scene
 
 PAPER_SCENE, PAPER_STEPS = "simple_room", 500
 """Of the paper's table of per-embodiment results."""

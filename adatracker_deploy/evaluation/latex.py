@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from adatracker_deploy.evaluation.grid import Cell
 from adatracker_deploy.evaluation.rows import Row, rows_of, triple_text
 from adatracker_deploy.learning.conditions import HEIGHTS_M, TARGET_SPEEDS_M_S
-from adatracker_deploy.trial.latex import escaped
+from adatracker_deploy.scoring.latex import escaped
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.core.errors import PlatformError, UsageError
 from adatracker_deploy.learning.tracking import Tracking
 from adatracker_deploy.policy.base import to_twist
 from adatracker_deploy.policy.catalogue import load_policy

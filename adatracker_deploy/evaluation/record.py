@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from adatracker_deploy.evaluation.grid import CELLS, Cell
 from adatracker_deploy.evaluation.published import PUBLISHED, Published
 from adatracker_deploy.evaluation.scores import METRICS, CellScore, Difference, Metrics, PolicyScore
-from adatracker_deploy.stats.intervals import mean_std
+from adatracker_deploy.scoring.stats.intervals import mean_std
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

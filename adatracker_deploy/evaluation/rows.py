@@ -16,7 +16,7 @@ from adatracker_deploy.evaluation.scores import METRICS, Metrics, PolicyScore
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from adatracker_deploy.stats.intervals import Estimate
+    from adatracker_deploy.scoring.stats.intervals import Estimate
 
 
 @dataclass(frozen=True, slots=True)

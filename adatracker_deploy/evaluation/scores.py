@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
 from adatracker_deploy.evaluation.grid import CELLS, Cell
-from adatracker_deploy.stats.intervals import Estimate, mean_estimate, share_estimate
+from adatracker_deploy.scoring.stats.intervals import Estimate, mean_estimate, share_estimate
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

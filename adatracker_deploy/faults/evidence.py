@@ -7,14 +7,14 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.faults.catalogue import BLIND_FOR_S, OURS
+from adatracker_deploy.core.faults import BLIND_FOR_S, OURS
 from adatracker_deploy.faults.watch import Seen
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from adatracker_deploy.faults.watch import Role, State
-    from adatracker_deploy.faults.witness import Account
+    from adatracker_deploy.sim.witness import Account
 
 SOON_NS = 1_000_000_000
 """By then what happens once has happened, on a busy machine too."""

@@ -8,7 +8,7 @@ import os
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.faults.evidence import INTERRUPTED_STATUS, Evidence, Tick
 from adatracker_deploy.trial.reader import find_trials, read_trial
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from adatracker_deploy.faults.matrix import Row
     from adatracker_deploy.faults.watch import Watch
-    from adatracker_deploy.faults.witness import Account
+    from adatracker_deploy.sim.witness import Account
 
 _LONGEST = 200
 """Characters of a reason."""

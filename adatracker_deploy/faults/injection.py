@@ -13,25 +13,25 @@ import threading
 import time
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.faults.catalogue import OURS
+from adatracker_deploy.core.faults import OURS
 from adatracker_deploy.faults.interpreter import InterpreterWatch
 from adatracker_deploy.faults.parts import FaultyPolicy, FaultySegmenter, FrozenCamera, Switch
 from adatracker_deploy.faults.phases import ENDING, IN_FLIGHT, TrialPhase
 from adatracker_deploy.faults.schedule import next_due
 from adatracker_deploy.faults.strikes import MENDS, STRIKES, Victims
 from adatracker_deploy.faults.take_off import TakeOff
-from adatracker_deploy.faults.witness import FILE_NAME, Witness, read_witness
+from adatracker_deploy.sim.witness import FILE_NAME, Witness, read_witness
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from adatracker_deploy.faults.catalogue import Fault
+    from adatracker_deploy.core.camera import Camera
+    from adatracker_deploy.core.clock import MonotonicClock
+    from adatracker_deploy.core.faults import Fault
     from adatracker_deploy.faults.schedule import Strike
-    from adatracker_deploy.perception.camera import Camera
     from adatracker_deploy.perception.segmenter import Segmenter
     from adatracker_deploy.platform import Sitl
     from adatracker_deploy.policy.base import Policy
-    from adatracker_deploy.runtime.clock import MonotonicClock
     from adatracker_deploy.runtime.link_process import LinkProcess
     from adatracker_deploy.trial.log import TrialLog
 

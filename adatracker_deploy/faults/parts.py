@@ -11,8 +11,8 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from adatracker_deploy.messages import Action, Frame, Observation
-    from adatracker_deploy.perception.camera import Camera
+    from adatracker_deploy.core.camera import Camera
+    from adatracker_deploy.core.messages import Action, Frame, Observation
     from adatracker_deploy.perception.segmenter import Segmenter
     from adatracker_deploy.policy.base import Policy, PolicyInfo
 

@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from adatracker_deploy import bundles
 from adatracker_deploy.faults.judge import Result
 from adatracker_deploy.faults.rehearse import run_command
-from adatracker_deploy.platform import load_platform
+from adatracker_deploy.policy import bundles
 from adatracker_deploy.policy.catalogue import DEFAULT
-from adatracker_deploy.profile import profile_dir
+from adatracker_deploy.registry import load_platform, profile_dir
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -13,25 +13,25 @@ from typing import TYPE_CHECKING
 
 import yaml
 
-from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.faults.gather import gather, said
 from adatracker_deploy.faults.judge import LANDED_M, STILL_M_S, Result, judge, limit_of
 from adatracker_deploy.faults.phases import TrialPhase
 from adatracker_deploy.faults.running_far_end import serving
 from adatracker_deploy.faults.watch import Watch
-from adatracker_deploy.faults.witness import Account, read_witness
-from adatracker_deploy.platform import Scenario, load_platform
-from adatracker_deploy.profile import load_profile, profile_dir
+from adatracker_deploy.platform import Scenario
+from adatracker_deploy.registry import load_platform, load_profile, profile_dir
+from adatracker_deploy.sim.witness import Account, read_witness
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
     from typing import Any
 
+    from adatracker_deploy.config.profile import Profile
     from adatracker_deploy.faults.matrix import Row
     from adatracker_deploy.faults.stalls import Stalls
     from adatracker_deploy.platform import Platform
-    from adatracker_deploy.profile import Profile
 
 COMMAND = (sys.executable, "-m", "adatracker_deploy")
 GOES_ON_S = 4.0

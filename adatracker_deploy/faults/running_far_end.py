@@ -14,16 +14,16 @@ import threading
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from adatracker_deploy.config.schema import parse
+from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.platform import Sitl
-from adatracker_deploy.runtime.clock import MonotonicClock
-from adatracker_deploy.schema import parse
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from adatracker_deploy.config.profile import Profile
+    from adatracker_deploy.core.clock import Clock
     from adatracker_deploy.platform import Platform, Scenario
-    from adatracker_deploy.profile import Profile
-    from adatracker_deploy.runtime.clock import Clock
 
 _FILE, _ORDERS, _WITNESS = "far_end.json", "orders", "witness.txt"
 

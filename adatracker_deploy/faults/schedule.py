@@ -6,13 +6,13 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.faults.phases import IN_FLIGHT, ORDER, TrialPhase
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from adatracker_deploy.faults.catalogue import Fault
+    from adatracker_deploy.core.faults import Fault
 
 LATEST_S = 3600.0
 _SECONDS = r"\d{1,5}(?:\.\d{1,3})?"

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from adatracker_deploy.faults.catalogue import Fault
+    from adatracker_deploy.core.faults import Fault
 
 HOGS = 4
 PAUSE_S = 0.1

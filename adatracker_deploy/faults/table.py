@@ -9,7 +9,7 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.faults.matrix import NOT_SHOWN, REFUSALS, ROWS
 from adatracker_deploy.faults.phases import ORDER, TrialPhase
 

@@ -16,7 +16,8 @@ from typing import Annotated, Any
 import torch
 from torch import nn
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.config.schema import Range, parse
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.networks import (
     AdaTrackerConfig,
     ContextEncoder,
@@ -25,7 +26,6 @@ from adatracker_deploy.learning.networks import (
 )
 from adatracker_deploy.policy.base import ActionAxis, ActionSpec
 from adatracker_deploy.policy.manifest import MaskSpec, Palette
-from adatracker_deploy.schema import Range, parse
 
 FORMAT = "adatracker"
 

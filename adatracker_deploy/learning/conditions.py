@@ -12,12 +12,12 @@ from typing import Literal
 
 import numpy as np
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.embodiment import Embodiment
 from adatracker_deploy.learning.episode_spec import EpisodeSpec
 from adatracker_deploy.learning.view import pitch_in_view_deg
-from adatracker_deploy.world.noise import NoiseLevel
-from adatracker_deploy.world.path import PathName
+from adatracker_deploy.sim.noise import NoiseLevel
+from adatracker_deploy.sim.path import PathName
 
 HEIGHTS_M = (0.3, 1.0, 1.7, 3.0)
 TARGET_SPEEDS_M_S = (0.5, 1.0, 2.0, 3.0)

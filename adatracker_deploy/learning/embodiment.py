@@ -7,12 +7,14 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.platform import Body, CameraMount, Limits, Twist, load_platform, platform_names
-from adatracker_deploy.profile import load_profile
-from adatracker_deploy.schema import Range
-from adatracker_deploy.world.bodies import DriveSettings, KinematicBody
+from adatracker_deploy.config.limits import Limits
+from adatracker_deploy.config.schema import Range
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import Twist
+from adatracker_deploy.platform import Body, CameraMount
+from adatracker_deploy.registry import load_platform, load_profile, platform_names
+from adatracker_deploy.sim.bodies import DriveSettings, KinematicBody
 
 BodyKind = Literal["differential", "quadruped", "drone"]
 

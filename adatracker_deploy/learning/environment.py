@@ -16,14 +16,13 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-import adatracker_deploy.gym  # noqa: F401 -- registers what is defined here
+from adatracker_deploy.core.messages import Truth
+from adatracker_deploy.core.task import MAX_LOST_STEPS
 from adatracker_deploy.learning.conditions import condition_named, make_cell, random_cell
 from adatracker_deploy.learning.data.recipe import load_recipe
 from adatracker_deploy.learning.episode_spec import MASK_SIZE, EpisodeSpec
 from adatracker_deploy.learning.seeds import TRAINING
 from adatracker_deploy.learning.tracking import Tracking
-from adatracker_deploy.messages import Truth
-from adatracker_deploy.trial.metrics import MAX_LOST_STEPS
 
 Observed = NDArray[np.uint8]
 Rules = Literal["paper", "simulator"]

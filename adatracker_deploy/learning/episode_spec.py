@@ -6,12 +6,12 @@ import math
 from dataclasses import dataclass, field
 from typing import Annotated
 
+from adatracker_deploy.config.schema import Range
 from adatracker_deploy.learning.embodiment import Embodiment
-from adatracker_deploy.schema import Range
-from adatracker_deploy.world.noise import MaskNoise, NoiseLevel
-from adatracker_deploy.world.path import PathName
-from adatracker_deploy.world.task import TaskSettings
-from adatracker_deploy.world.world import World
+from adatracker_deploy.sim.noise import MaskNoise, NoiseLevel
+from adatracker_deploy.sim.path import PathName
+from adatracker_deploy.sim.task import TaskSettings
+from adatracker_deploy.sim.world import World
 
 RATE_HZ = 10.0
 """Of learning and evaluation: the rate at which the published policy reproduced its scores."""

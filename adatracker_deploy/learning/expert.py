@@ -19,11 +19,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from adatracker_deploy.geometry import wrap_angle
+from adatracker_deploy.core.geometry import wrap_angle
+from adatracker_deploy.core.messages import Twist
+from adatracker_deploy.core.task import DESIRED_DISTANCE_M
 from adatracker_deploy.learning.episode_spec import RATE_HZ
 from adatracker_deploy.learning.tracking import Tracking
-from adatracker_deploy.platform import Twist
-from adatracker_deploy.trial.metrics import DESIRED_DISTANCE_M
 
 _DT_S = 1.0 / RATE_HZ
 

@@ -9,7 +9,8 @@ from typing import Literal
 
 import numpy as np
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.config.schema import parse
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.checkpoint import (
     AdaTracker,
     Checkpoint,
@@ -30,7 +31,6 @@ from adatracker_deploy.policy.bundle import Bundle, load_bundle, write_bundle
 from adatracker_deploy.policy.golden import GOLDEN_TICKS, Golden
 from adatracker_deploy.policy.manifest import FORMAT, GraphSpec, Interface, Manifest, graph_specs
 from adatracker_deploy.policy.onnx_policy import OnnxPolicy
-from adatracker_deploy.schema import parse
 
 EncoderInterface = Literal["streaming", "window"]
 _GOLDEN_SEED = 20

@@ -16,8 +16,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.schema import Range
+from adatracker_deploy.config.schema import Range
+from adatracker_deploy.core.errors import UsageError
 
 LstmState = tuple[Tensor, Tensor]
 """(h, c) of a one-layer LSTM, each (1, B, H); zeros begin an episode."""

@@ -8,9 +8,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from adatracker_deploy.core.messages import ClassMask, MaskClass
 from adatracker_deploy.learning.checkpoint import Checkpoint, OfflineEvt
 from adatracker_deploy.learning.networks import ContextEncoder, ContextPolicy, LstmState
-from adatracker_deploy.messages import ClassMask, MaskClass
 from adatracker_deploy.policy.drawing import MaskPainter
 from adatracker_deploy.policy.golden import Golden
 from adatracker_deploy.policy.manifest import MaskSpec

@@ -8,16 +8,15 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from adatracker_deploy.messages import Box, Observation
+from adatracker_deploy.core.messages import Box, Observation
 from adatracker_deploy.policy.base import FORWARD_YAW, ActionSpec, to_twist
-from adatracker_deploy.world.task import Task, TaskSettings
+from adatracker_deploy.sim.task import Task, TaskSettings
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from adatracker_deploy.core.messages import Truth, Twist
     from adatracker_deploy.learning.episode_spec import EpisodeSpec
-    from adatracker_deploy.messages import Truth
-    from adatracker_deploy.platform import Twist
 
 ACTION: ActionSpec = FORWARD_YAW
 """What the two numbers of an action mean: forward, then yaw, counter-clockwise positive."""

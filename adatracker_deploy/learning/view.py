@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from adatracker_deploy.trial.metrics import DESIRED_DISTANCE_M
+from adatracker_deploy.core.task import DESIRED_DISTANCE_M
 
 _CHEST_M = 1.3
 """What has to be seen: the middle of a trunk. A level camera at 3 m sees it, at 90 degrees, and no legs."""

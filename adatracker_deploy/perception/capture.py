@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from adatracker_deploy.perception.camera import check_size
+from adatracker_deploy.core.camera import check_size
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -5,9 +5,9 @@ from __future__ import annotations
 import abc
 from typing import TYPE_CHECKING, Protocol
 
-from adatracker_deploy.errors import PlatformError, UsageError
-from adatracker_deploy.messages import Frame
-from adatracker_deploy.perception.camera import FilmOverError
+from adatracker_deploy.core.camera import FilmOverError
+from adatracker_deploy.core.errors import PlatformError, UsageError
+from adatracker_deploy.core.messages import Frame
 from adatracker_deploy.perception.watch import FrameWatch
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import cv2
 
-from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.core.errors import PlatformError, UsageError
 from adatracker_deploy.perception.capture import Capture, keep_quiet
 
 if TYPE_CHECKING:

@@ -10,12 +10,12 @@ import contextlib
 import threading
 from typing import TYPE_CHECKING, NamedTuple
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.messages import Frame, Truth
-from adatracker_deploy.perception.camera import OPEN_TIMEOUT_S
+from adatracker_deploy.core.camera import OPEN_TIMEOUT_S
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import Frame, Truth
+from adatracker_deploy.core.stamps import StampOrder
 from adatracker_deploy.perception.transit import Transit
 from adatracker_deploy.perception.watch import FrameWatch
-from adatracker_deploy.stamps import StampOrder
 
 if TYPE_CHECKING:
     from collections.abc import Generator
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from adatracker_deploy.runtime.clock import Clock
+    from adatracker_deploy.core.clock import Clock
 
 NO_STAMPS = "sends no time stamps: pictures that the network holds back look new"
 """What is said of a camera that hides delay."""

@@ -13,8 +13,8 @@ from http import HTTPStatus
 from typing import TYPE_CHECKING
 from urllib.parse import unquote, urlsplit
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.perception.camera import OPEN_TIMEOUT_S, without_password
+from adatracker_deploy.core.camera import OPEN_TIMEOUT_S, without_password
+from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.perception.jpeg import decode_jpeg
 from adatracker_deploy.perception.live import LiveCamera, Picture
 from adatracker_deploy.perception.multipart import MultipartParser, Part
@@ -23,7 +23,7 @@ from adatracker_deploy.perception.truth_wire import decode_truth
 if TYPE_CHECKING:
     from collections.abc import Generator
 
-    from adatracker_deploy.runtime.clock import Clock
+    from adatracker_deploy.core.clock import Clock
 
 _RECEIVE_BYTES = 1 << 18
 _GO_TIMEOUT_S = 2.0

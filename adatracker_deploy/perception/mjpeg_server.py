@@ -21,13 +21,13 @@ from urllib.parse import urlsplit
 
 import cv2
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.perception.truth_wire import encode_truth
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from adatracker_deploy.messages import Frame
+    from adatracker_deploy.core.messages import Frame
 
 STREAM_PATH = "/stream.mjpg"
 GO_PATH = "/go"

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.messages import Box
+from adatracker_deploy.core.messages import Box
 from adatracker_deploy.perception.segmenter import TruthSegmenter
-from adatracker_deploy.world.noise import NOISE, MaskNoise
+from adatracker_deploy.sim.noise import NOISE, MaskNoise
 
 if TYPE_CHECKING:
-    from adatracker_deploy.messages import Frame, Observation
-    from adatracker_deploy.world.noise import NoiseLevel
+    from adatracker_deploy.core.messages import Frame, Observation
+    from adatracker_deploy.sim.noise import NoiseLevel
 
 
 class NoisyTruth:

@@ -10,13 +10,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from adatracker_deploy.messages import MaskClass, TargetState
-from adatracker_deploy.trial.mask_png import PALETTE
+from adatracker_deploy.core.mask_png import PALETTE
+from adatracker_deploy.core.messages import MaskClass, TargetState
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from adatracker_deploy.messages import Box, ClassMask, Observation
+    from adatracker_deploy.core.messages import Box, ClassMask, Observation
 
 Image = NDArray[np.uint8]
 """RGB, shape (H, W, 3)."""

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import threading
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import TYPE_CHECKING, Self
 
-from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import Seen
 from adatracker_deploy.perception.segmenter import check_observation
 from adatracker_deploy.runtime.pacer import Pacer
 
 if TYPE_CHECKING:
     from types import TracebackType
 
-    from adatracker_deploy.messages import Frame, Observation
-    from adatracker_deploy.perception.camera import Camera
+    from adatracker_deploy.core.camera import Camera
+    from adatracker_deploy.core.clock import Clock
+    from adatracker_deploy.core.messages import Frame
     from adatracker_deploy.perception.segmenter import Segmenter
-    from adatracker_deploy.runtime.clock import Clock
 
 
 CLOSE_TIMEOUT_S = 5.0
@@ -23,17 +24,6 @@ CLOSE_TIMEOUT_S = 5.0
 
 _left_behind: list[tuple[Segmenter, threading.Thread]] = []
 """Segmenters that hung when perception was closed, with the threads that were in them."""
-
-
-class Seen(NamedTuple):
-    """An observation with the frame it was made from."""
-
-    frame: Frame
-    observation: Observation
-    taken_ns: int | None = None
-    """When perception had the frame, by the run's clock; None where frames are segmented without one."""
-    ready_ns: int | None = None
-    """When the observation was made, likewise."""
 
 
 def perceive(frame: Frame, segmenter: Segmenter) -> Seen:

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from adatracker_deploy.perception.camera import check_size
+from adatracker_deploy.core.camera import check_size
 
 PNG_START = b"\x89PNG\r\n\x1a\n"
 _CHUNK = struct.Struct(">I4s")

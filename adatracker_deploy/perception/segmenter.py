@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.messages import Box, MaskClass, Observation
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import Box, MaskClass, Observation
 
 if TYPE_CHECKING:
-    from adatracker_deploy.messages import Frame
+    from adatracker_deploy.core.messages import Frame
 
 
 class Segmenter(Protocol):

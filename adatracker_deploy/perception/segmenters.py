@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.perception.segmenter import TruthSegmenter
 from adatracker_deploy.perception.target_segmenter import PERSON, TargetSegmenter
 
@@ -82,12 +82,12 @@ def _of_pictures(
     propagator: Path | None,
     providers: tuple[str, ...] | None,
 ) -> tuple[Segmenter, str]:
-    from adatracker_deploy.models import shipped
     from adatracker_deploy.perception.models.catalogue import open_model
     from adatracker_deploy.perception.models.grounding_dino import GroundingDino
     from adatracker_deploy.perception.models.nanodet import NanoDet
     from adatracker_deploy.perception.models.sam2 import Sam2Propagator
     from adatracker_deploy.perception.models.selfie import SelfieMasks
+    from adatracker_deploy.perception.weights import shipped
 
     where = providers or ("cpu",)
     detector = (

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import SplitResult, urlsplit
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.perception.camera import ROBOT, WORLD, without_password
+from adatracker_deploy.core.camera import ROBOT, WORLD, without_password
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.perception.capture import has_gstreamer
 from adatracker_deploy.perception.file import FileCamera
 from adatracker_deploy.perception.film import FASTEST_HZ, SLOWEST_HZ
@@ -18,8 +18,8 @@ from adatracker_deploy.perception.mjpeg import MjpegCamera
 from adatracker_deploy.perception.video import DEVICE, GSTREAMER, VideoCamera
 
 if TYPE_CHECKING:
-    from adatracker_deploy.perception.camera import Camera
-    from adatracker_deploy.runtime.clock import Clock
+    from adatracker_deploy.core.camera import Camera
+    from adatracker_deploy.core.clock import Clock
 
 ZENOH = "zenoh://"
 KNOWN = (

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from adatracker_deploy.messages import Box, MaskClass, Observation
+from adatracker_deploy.core.messages import Box, MaskClass, Observation
 from adatracker_deploy.perception.boxes import heights
 from adatracker_deploy.perception.drawing import MASK_SIZE, class_mask, ellipses
 from adatracker_deploy.perception.roles import Instances
@@ -22,7 +22,7 @@ from adatracker_deploy.perception.target.propagation import Propagation, resized
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from adatracker_deploy.messages import Frame
+    from adatracker_deploy.core.messages import Frame
     from adatracker_deploy.perception.roles import Detector, MaskHead, Masks, Propagator
 
 PERSON = "person"

@@ -9,11 +9,11 @@ import dataclasses
 import json
 import struct
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.messages import MaskClass, Truth
-from adatracker_deploy.schema import parse
-from adatracker_deploy.trial.mask_png import decode_mask, encode_mask
+from adatracker_deploy.config.schema import parse
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.mask_png import decode_mask, encode_mask
+from adatracker_deploy.core.messages import MaskClass, Truth
 
 _LENGTH = struct.Struct("<I")
 _LARGEST_BYTES = 1 << 20

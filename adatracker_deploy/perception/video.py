@@ -9,8 +9,8 @@ from urllib.parse import urlsplit
 
 import cv2
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.perception.camera import OPEN_TIMEOUT_S, without_password
+from adatracker_deploy.core.camera import OPEN_TIMEOUT_S, without_password
+from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.perception.capture import Capture
 from adatracker_deploy.perception.live import LiveCamera, Picture
 from adatracker_deploy.perception.watch import SILENT_AFTER_S
@@ -18,7 +18,7 @@ from adatracker_deploy.perception.watch import SILENT_AFTER_S
 if TYPE_CHECKING:
     from collections.abc import Generator
 
-    from adatracker_deploy.runtime.clock import Clock
+    from adatracker_deploy.core.clock import Clock
 
 GSTREAMER = "gst:"
 DEVICE = "/dev/"

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.core.errors import PlatformError
 
 if TYPE_CHECKING:
-    from adatracker_deploy.messages import Frame
+    from adatracker_deploy.core.messages import Frame
 
 SILENT_AFTER_S = 2.0
 """Machine time without a frame, or that the newest took to come, after which a camera counts as gone, s."""

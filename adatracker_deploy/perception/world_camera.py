@@ -10,15 +10,15 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.world.rehearsal import take_frame
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.sim.rehearsal import take_frame
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from adatracker_deploy.messages import Frame
+    from adatracker_deploy.core.messages import Frame
     from adatracker_deploy.platform import CameraMount
-    from adatracker_deploy.world import World
+    from adatracker_deploy.sim import World
 
 
 @dataclass(frozen=True, slots=True)

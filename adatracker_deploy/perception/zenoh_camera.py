@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import zenoh
 
-from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.perception.compressed_image import IMAGE_CAP_BYTES, read_compressed_image
 from adatracker_deploy.perception.image import decode_image, is_png
 from adatracker_deploy.perception.live import LiveCamera, Picture
@@ -20,8 +20,8 @@ from adatracker_deploy.perception.zenoh_session import dial
 if TYPE_CHECKING:
     from collections.abc import Generator
 
-    from adatracker_deploy.messages import Frame, Truth
-    from adatracker_deploy.runtime.clock import Clock
+    from adatracker_deploy.core.clock import Clock
+    from adatracker_deploy.core.messages import Frame, Truth
 
 
 class CompressedImageCamera(LiveCamera):

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import zenoh
 
-from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.perception.compressed_image import IMAGE_CAP_BYTES
 
 if TYPE_CHECKING:

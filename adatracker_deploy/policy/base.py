@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
 
-from adatracker_deploy.platform import Limits, Twist
+from adatracker_deploy.config.limits import Limits
+from adatracker_deploy.core.messages import Twist
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from adatracker_deploy.messages import Action, Observation
+    from adatracker_deploy.core.messages import Action, Observation
 
 Axis = Literal["forward", "lateral", "vertical", "yaw"]
 

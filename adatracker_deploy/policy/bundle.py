@@ -17,7 +17,9 @@ from typing import Any
 
 import yaml
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.config.schema import parse
+from adatracker_deploy.config.yaml_text import parse_yaml
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.policy.golden import GOLDEN_TICKS, Golden, pack_golden, unpack_golden
 from adatracker_deploy.policy.manifest import (
     FORMAT,
@@ -30,8 +32,6 @@ from adatracker_deploy.policy.manifest import (
     check_manifest,
 )
 from adatracker_deploy.policy.onnx_graph import check_graph
-from adatracker_deploy.schema import parse
-from adatracker_deploy.yaml_text import parse_yaml
 
 __all__ = [
     "ENCODER_NAME",

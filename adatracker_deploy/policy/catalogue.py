@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 
 if TYPE_CHECKING:
     from adatracker_deploy.policy.base import Policy
@@ -59,5 +59,5 @@ def _describe(folder: Path) -> str:
 
 def _shipped() -> dict[str, Path]:
     """Return the bundles inside the installed package, by name."""
-    bundles = Path(__file__).parent.parent / "bundles"
+    bundles = Path(__file__).parent / "bundles"
     return {path.parent.name: path.parent for path in sorted(bundles.glob("*/manifest.yaml"))}

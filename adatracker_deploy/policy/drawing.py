@@ -12,10 +12,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from adatracker_deploy.messages import MaskClass
+from adatracker_deploy.core.messages import MaskClass
 
 if TYPE_CHECKING:
-    from adatracker_deploy.messages import ClassMask
+    from adatracker_deploy.core.messages import ClassMask
     from adatracker_deploy.policy.manifest import Colour, MaskSpec, Palette
 
 

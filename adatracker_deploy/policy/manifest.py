@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.config.schema import Range
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.policy.base import ActionAxis
-from adatracker_deploy.schema import Range
 
 FORMAT = 1
 """The bundle format that this code reads and writes."""

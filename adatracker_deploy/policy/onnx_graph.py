@@ -10,8 +10,8 @@ from typing import Any
 
 import onnx
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.onnx_file import check_plain, opsets, read_model
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.onnx_file import check_plain, opsets, read_model
 from adatracker_deploy.policy.manifest import GraphSpec, TensorSpec, check_tensors
 
 _DTYPES = {onnx.TensorProto.FLOAT: "float32"}

@@ -14,15 +14,15 @@ import numpy as np
 import onnxruntime as ort
 from numpy.typing import NDArray
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.messages import Action
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.messages import Action
 from adatracker_deploy.policy.base import PolicyInfo
 from adatracker_deploy.policy.bundle import ENCODER_NAME, GOLDEN_NAME, POLICY_NAME
 from adatracker_deploy.policy.drawing import MaskPainter
 from adatracker_deploy.policy.golden import GOLDEN_TICKS, GOLDEN_TOLERANCE
 
 if TYPE_CHECKING:
-    from adatracker_deploy.messages import Observation
+    from adatracker_deploy.core.messages import Observation
     from adatracker_deploy.policy.bundle import Bundle, GraphSpec
 
 Array = NDArray[np.float32]

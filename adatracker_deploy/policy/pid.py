@@ -23,11 +23,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from adatracker_deploy.messages import Action, Box
+from adatracker_deploy.core.messages import Action, Box
 from adatracker_deploy.policy.base import FORWARD_YAW, PolicyInfo
 
 if TYPE_CHECKING:
-    from adatracker_deploy.messages import Observation
+    from adatracker_deploy.core.messages import Observation
 
 FIRST_DISTANCE_M = 2.5
 """Where the target is taken to be at first sight: the task's desired distance."""

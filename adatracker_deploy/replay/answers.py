@@ -13,17 +13,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from adatracker_deploy.messages import Observation, TargetState
+from adatracker_deploy.core.messages import Observation, TargetState
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from numpy.typing import NDArray
 
-    from adatracker_deploy.messages import ClassMask
+    from adatracker_deploy.core.messages import ClassMask
+    from adatracker_deploy.core.record import StepRecord
     from adatracker_deploy.policy.base import Policy
     from adatracker_deploy.trial.reader import LoggedMask
-    from adatracker_deploy.trial.record import StepRecord
 
 Numbers = tuple[float, ...]
 """float32 values, each held exactly."""

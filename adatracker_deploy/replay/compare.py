@@ -13,7 +13,8 @@ from adatracker_deploy.policy.base import to_twist
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from adatracker_deploy.platform import Limits, Twist
+    from adatracker_deploy.config.limits import Limits
+    from adatracker_deploy.core.messages import Twist
     from adatracker_deploy.policy.base import ActionSpec
     from adatracker_deploy.replay.answers import Answer, Numbers
 

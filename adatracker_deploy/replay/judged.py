@@ -14,14 +14,15 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.platform import ZERO, Limits, PlatformState, Twist
+from adatracker_deploy.config.limits import Limits
+from adatracker_deploy.core.messages import ZERO, PlatformState, Twist
 from adatracker_deploy.runtime.gate import GateState, Reason, Setpoint, judge
 from adatracker_deploy.runtime.link import RATE_HZ
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from adatracker_deploy.trial.record import StepRecord
+    from adatracker_deploy.core.record import StepRecord
 
 SLOT_NS = round(1e9 / RATE_HZ)
 

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from adatracker_deploy.replay.compare import AXES
-from adatracker_deploy.trial.chart import BLUE, GAP_PX, INK, LEFT_PX, NAME_SCALE, ORANGE, PAPER, Chart, write
+from adatracker_deploy.report.chart import BLUE, GAP_PX, INK, LEFT_PX, NAME_SCALE, ORANGE, PAPER, Chart, write
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from adatracker_deploy.platform import Twist
+    from adatracker_deploy.core.messages import Twist
 
 WIDTH_PX = 1200
 CHART_PX = 200

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.limits import Limits
+from adatracker_deploy.config.limits import Limits
+from adatracker_deploy.config.schema import parse
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.policy.golden import GOLDEN_TOLERANCE
 from adatracker_deploy.replay.answers import Replayed, answer_again
 from adatracker_deploy.replay.compare import (
@@ -21,11 +22,10 @@ from adatracker_deploy.replay.compare import (
 )
 from adatracker_deploy.replay.judged import Judgement, judge_again, without_gaps
 from adatracker_deploy.runtime.link_process import wall_timeouts
-from adatracker_deploy.schema import parse
 from adatracker_deploy.trial.provenance import surroundings
 
 if TYPE_CHECKING:
-    from adatracker_deploy.platform import Twist
+    from adatracker_deploy.core.messages import Twist
     from adatracker_deploy.policy.base import Policy
     from adatracker_deploy.trial.reader import Trial
 

@@ -11,14 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adatracker_deploy.runtime.gate.reasons import limited, withheld
-from adatracker_deploy.trial.metrics import box_reward
+from adatracker_deploy.scoring.metrics import box_reward
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from adatracker_deploy.messages import Box
-    from adatracker_deploy.platform import Twist
-    from adatracker_deploy.trial.record import StepRecord
+    from adatracker_deploy.core.messages import Box, Twist
+    from adatracker_deploy.core.record import StepRecord
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

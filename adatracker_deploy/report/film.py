@@ -6,17 +6,17 @@ import statistics
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.messages import Observation, TargetState
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.messages import Observation, TargetState
 from adatracker_deploy.perception.overlay import Drive, overlay
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    from adatracker_deploy.core.messages import Twist
+    from adatracker_deploy.core.record import StepRecord
     from adatracker_deploy.perception.overlay import Image
-    from adatracker_deploy.platform import Twist
     from adatracker_deploy.trial.reader import LoggedFrame, Trial
-    from adatracker_deploy.trial.record import StepRecord
 
 LEAST_RATE_HZ, LARGEST_RATE_HZ = 1.0, 120.0
 _AXES = {

@@ -9,20 +9,21 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.messages import MaskClass
-from adatracker_deploy.trial.chart import BLUE, GAP_PX, GREY, INK, LEFT_PX, PAPER, Chart, write
-from adatracker_deploy.trial.mask_png import PALETTE
-from adatracker_deploy.trial.metrics import DESIRED_DISTANCE_M, box_reward
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.mask_png import PALETTE
+from adatracker_deploy.core.messages import MaskClass
+from adatracker_deploy.core.task import DESIRED_DISTANCE_M
+from adatracker_deploy.report.chart import BLUE, GAP_PX, GREY, INK, LEFT_PX, PAPER, Chart, write
+from adatracker_deploy.scoring.metrics import box_reward
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from adatracker_deploy.messages import Box, ClassMask
+    from adatracker_deploy.core.messages import Box, ClassMask
+    from adatracker_deploy.core.record import StepRecord
     from adatracker_deploy.trial.reader import LoggedFrame, Trial
-    from adatracker_deploy.trial.record import StepRecord
 
     Image = NDArray[np.uint8]
     Colour = tuple[int, int, int]

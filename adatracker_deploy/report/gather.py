@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from adatracker_deploy.messages import Observation, TargetState
+from adatracker_deploy.core.messages import Observation, TargetState
 from adatracker_deploy.perception.overlay import overlay
 from adatracker_deploy.report.columns import Columns, columns
+from adatracker_deploy.scoring.summary import summarise_log
 from adatracker_deploy.trial.reader import read_trial
-from adatracker_deploy.trial.summary import summarise_log
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
+    from adatracker_deploy.core.record import StepRecord
+    from adatracker_deploy.scoring.tally import Summary
     from adatracker_deploy.trial.reader import LoggedFrame, Trial
-    from adatracker_deploy.trial.record import StepRecord
-    from adatracker_deploy.trial.tally import Summary
 
 PICTURE_HEIGHT_PX = 360
 _JPEG_QUALITY = 80

@@ -22,14 +22,14 @@ from adatracker_deploy.report.charts import (
 from adatracker_deploy.report.columns import Stretch
 from adatracker_deploy.report.markup import Html, tag
 from adatracker_deploy.report.page import figure, section, shortened, table
-from adatracker_deploy.trial.stages import STAGES
+from adatracker_deploy.scoring.stages import STAGES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from adatracker_deploy.core.record import StepRecord
     from adatracker_deploy.report.columns import Columns, Floats
     from adatracker_deploy.report.gather import Event, Report
-    from adatracker_deploy.trial.record import StepRecord
 
 HISTOGRAM_BARS = 40
 _AXES = {

@@ -12,7 +12,7 @@ from adatracker_deploy.report.markup import Html, tag
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from adatracker_deploy.trial.record import Outcome
+    from adatracker_deploy.core.record import Outcome
 
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
 """Should any text ever get through as markup, the browser still runs no script and asks nobody."""

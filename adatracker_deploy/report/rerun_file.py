@@ -12,18 +12,17 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.messages import MaskClass
-from adatracker_deploy.platform import Twist
-from adatracker_deploy.trial.mask_png import PALETTE
-from adatracker_deploy.trial.stages import STAGES
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.mask_png import PALETTE
+from adatracker_deploy.core.messages import MaskClass, Twist
+from adatracker_deploy.scoring.stages import STAGES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
+    from adatracker_deploy.core.record import StepRecord
     from adatracker_deploy.trial.reader import Trial
-    from adatracker_deploy.trial.record import StepRecord
 
 TIME, TICK = "time", "tick"
 _LEVELS = {"warning": "WARN", "fatal": "CRITICAL"}

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 from adatracker_deploy.report.charts import Stairs, key, number, sparkline, stairs
 from adatracker_deploy.report.markup import Html, tag
 from adatracker_deploy.report.page import MISSING, badge, figure, page, section, shortened, table, tiles
-from adatracker_deploy.stats.intervals import Estimate, mean_estimate, share_estimate
-from adatracker_deploy.stats.survival import kaplan_meier
+from adatracker_deploy.scoring.stats.intervals import Estimate, mean_estimate, share_estimate
+from adatracker_deploy.scoring.stats.survival import kaplan_meier
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from adatracker_deploy.report.gather import Report
-    from adatracker_deploy.trial.tally import Summary
+    from adatracker_deploy.scoring.tally import Summary
 
 LOOKS = 6
 """Kinds of lines that can be told apart; more groups share them."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from adatracker_deploy.runtime.loop import STALE_OBSERVATION_S
 
 if TYPE_CHECKING:
-    from adatracker_deploy.messages import Action, Observation
+    from adatracker_deploy.core.messages import Action, Observation
     from adatracker_deploy.policy.base import Policy
 
 

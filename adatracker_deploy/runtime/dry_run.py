@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from adatracker_deploy.errors import PlatformError, UsageError
-from adatracker_deploy.platform import ZERO, Body, Check, Platform, PlatformState, Sitl, Twist
+from adatracker_deploy.core.errors import PlatformError, UsageError
+from adatracker_deploy.core.messages import ZERO, PlatformState, Twist
+from adatracker_deploy.platform import Body, Check, Platform, Sitl
 
 if TYPE_CHECKING:
-    from adatracker_deploy.profile import Profile
-    from adatracker_deploy.runtime.clock import Clock
+    from adatracker_deploy.config.profile import Profile
+    from adatracker_deploy.core.clock import Clock
 
 
 class DryRun(Platform):

@@ -6,15 +6,15 @@ import math
 import time
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.platform import ZERO
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import ZERO
 from adatracker_deploy.runtime.link import Phase
 from adatracker_deploy.runtime.pulse import LINK_LOST
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from adatracker_deploy.runtime.clock import MonotonicClock
+    from adatracker_deploy.core.clock import MonotonicClock
     from adatracker_deploy.runtime.link import LinkStatus
     from adatracker_deploy.runtime.link_process import LinkProcess
 

@@ -13,15 +13,17 @@ import threading
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.platform import ZERO, Limits, Platform, PlatformState, Twist
+from adatracker_deploy.config.limits import Limits
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import ZERO, PlatformState, Twist
+from adatracker_deploy.platform import Platform
 from adatracker_deploy.runtime.gate import GateState, Reason, Setpoint, Stage, Stop, Verdict, judge, unwatched
 from adatracker_deploy.runtime.suspend import SuspendWatch
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from adatracker_deploy.runtime.clock import Clock
+    from adatracker_deploy.core.clock import Clock
 
 RATE_HZ = 50.0
 _MANOEUVRES = 3

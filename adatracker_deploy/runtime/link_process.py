@@ -18,8 +18,10 @@ from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from adatracker_deploy.errors import PlatformError, UsageError
-from adatracker_deploy.platform import Check, Limits, Platform, Twist
+from adatracker_deploy.config.limits import Limits
+from adatracker_deploy.core.errors import PlatformError, UsageError
+from adatracker_deploy.core.messages import Twist
+from adatracker_deploy.platform import Check, Platform
 from adatracker_deploy.runtime.black_box import BlackBox
 from adatracker_deploy.runtime.gate import Setpoint
 from adatracker_deploy.runtime.link import RATE_HZ, Event, Link, LinkStatus, Phase
@@ -41,8 +43,8 @@ if TYPE_CHECKING:
     from multiprocessing.connection import Connection
     from types import TracebackType
 
-    from adatracker_deploy.profile import Profile
-    from adatracker_deploy.runtime.clock import Clock
+    from adatracker_deploy.config.profile import Profile
+    from adatracker_deploy.core.clock import Clock
 
 CONNECT_TIMEOUT_S = 40.0
 _JOIN_S = 0.05

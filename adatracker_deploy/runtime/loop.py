@@ -5,21 +5,21 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-from adatracker_deploy.platform import ZERO, Limits, Twist
+from adatracker_deploy.config.limits import Limits
+from adatracker_deploy.core.messages import ZERO, Twist
+from adatracker_deploy.core.record import Latency, Outcome, StepRecord
+from adatracker_deploy.core.task import MAX_LOST_STEPS, target_visible
 from adatracker_deploy.policy.base import Policy, to_twist
 from adatracker_deploy.runtime.link import LinkStatus, Phase
 from adatracker_deploy.runtime.pacer import Pacer, Tick
 from adatracker_deploy.runtime.pulse import LINK_LOST
 from adatracker_deploy.runtime.trace import Handed, Trace
-from adatracker_deploy.trial.metrics import MAX_LOST_STEPS, target_visible
-from adatracker_deploy.trial.record import Latency, Outcome, StepRecord
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from adatracker_deploy.messages import Action
-    from adatracker_deploy.perception.pipeline import Seen
-    from adatracker_deploy.runtime.clock import Clock
+    from adatracker_deploy.core.clock import Clock
+    from adatracker_deploy.core.messages import Action, Seen
     from adatracker_deploy.runtime.trace import Handed
 
 STALE_OBSERVATION_S = 0.22

@@ -13,7 +13,7 @@ import socket
 import struct
 import sys
 
-from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.core.errors import PlatformError
 
 _CREDENTIALS = struct.Struct("3i")
 """``struct ucred``: process, user and group id (unix(7), SO_PEERCRED)."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from adatracker_deploy.runtime.clock import Clock
+    from adatracker_deploy.core.clock import Clock
 
 
 @dataclass(frozen=True, slots=True)

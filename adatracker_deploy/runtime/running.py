@@ -14,7 +14,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 
 PLACE_VARIABLE = "ADATRACKER_RUN_DIR"
 """Environment variable that names another place; trials there are found only by those who name it, too."""

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

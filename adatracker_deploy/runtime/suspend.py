@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from adatracker_deploy.runtime.clock import Clock
+    from adatracker_deploy.core.clock import Clock
 
 LONGEST_NS = 100_000_000
 """Below this it is no suspend but two clocks that were not read at quite the same time."""

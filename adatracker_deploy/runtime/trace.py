@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, NamedTuple
 from adatracker_deploy.runtime.link import Phase
 
 if TYPE_CHECKING:
-    from adatracker_deploy.perception.pipeline import Seen
+    from adatracker_deploy.core.messages import Seen
+    from adatracker_deploy.core.record import Latency, StepRecord
     from adatracker_deploy.runtime.link import Acted, LinkStatus
-    from adatracker_deploy.trial.record import Latency, StepRecord
 
 PATIENCE_TICKS = 2
 """A record waits no longer: at 50 Hz, the link's own rate, its answer may miss one tick, and a link that does

@@ -6,8 +6,8 @@ import dataclasses
 import json
 from typing import Any
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.platform import PlatformState, Twist
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import PlatformState, Twist
 from adatracker_deploy.runtime.gate import Setpoint
 from adatracker_deploy.runtime.link import Acted, LinkStatus, Phase
 

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.messages import Box
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.messages import Box
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

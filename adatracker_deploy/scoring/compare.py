@@ -10,15 +10,20 @@ import statistics
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.stats.exact import Test, fisher, permutation, sign_flip
-from adatracker_deploy.stats.intervals import Estimate, mean_difference, mean_estimate, share_difference
-from adatracker_deploy.trial.summary import columns_of, counted
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.scoring.stats.exact import Test, fisher, permutation, sign_flip
+from adatracker_deploy.scoring.stats.intervals import (
+    Estimate,
+    mean_difference,
+    mean_estimate,
+    share_difference,
+)
+from adatracker_deploy.scoring.summary import columns_of, counted
 
 if TYPE_CHECKING:
     from collections.abc import Hashable, Sequence
 
-    from adatracker_deploy.trial.tally import Summary
+    from adatracker_deploy.scoring.tally import Summary
 
 Pairing = Literal["auto", "order", "none"]
 RATE_TOLERANCE = 0.1

@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING
 from rich.console import Group
 from rich.text import Text
 
-from adatracker_deploy.trial.compare import DIGITS
-from adatracker_deploy.trial.fitting import FittingTable
-from adatracker_deploy.trial.summary import columns_of, counted, statistics_of, summarise_set
-from adatracker_deploy.trial.summary_table import bounds_text, ending_text, number_text
+from adatracker_deploy.scoring.compare import DIGITS
+from adatracker_deploy.scoring.fitting import FittingTable
+from adatracker_deploy.scoring.summary import columns_of, counted, statistics_of, summarise_set
+from adatracker_deploy.scoring.summary_table import bounds_text, ending_text, number_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rich.console import RenderableType
 
-    from adatracker_deploy.trial.compare import Comparison, Difference
-    from adatracker_deploy.trial.tally import Summary
+    from adatracker_deploy.scoring.compare import Comparison, Difference
+    from adatracker_deploy.scoring.tally import Summary
 
 
 def comparison_record(

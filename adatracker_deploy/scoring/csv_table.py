@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from adatracker_deploy.trial.tally import Summary
+    from adatracker_deploy.scoring.tally import Summary
 
 COLUMNS = (
     "trial", "platform", "policy", "outcome", "mr", "mr_visible", "visibility", "el", "steps", "seconds",

@@ -8,11 +8,11 @@ import json
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.scoring.summary import summarise_log
 from adatracker_deploy.trial.folder import PART_NAME, SUMMARY_NAME
 from adatracker_deploy.trial.marks import holding, read_marks
 from adatracker_deploy.trial.reader import find_trials, read_head, read_scored, trial_file
-from adatracker_deploy.trial.summary import summarise_log
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.trial.summary import by_method, counted, statistics_of
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.scoring.summary import by_method, counted, statistics_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from adatracker_deploy.trial.tally import Summary
+    from adatracker_deploy.scoring.tally import Summary
 
 _SPECIAL = str.maketrans(
     {

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.trial.box_file import ABSENT_SUFFIX, read_boxes
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.scoring.box_file import ABSENT_SUFFIX, read_boxes
+from adatracker_deploy.scoring.summary import summarise_boxes, summarise_log
 from adatracker_deploy.trial.folder import FILE_NAME, PART_NAME
 from adatracker_deploy.trial.reader import find_trials, read_scored
 from adatracker_deploy.trial.search import search
-from adatracker_deploy.trial.summary import summarise_boxes, summarise_log
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from adatracker_deploy.trial.box_file import BoxOptions
-    from adatracker_deploy.trial.metrics import Rules
-    from adatracker_deploy.trial.tally import Summary
+    from adatracker_deploy.scoring.box_file import BoxOptions
+    from adatracker_deploy.scoring.metrics import Rules
+    from adatracker_deploy.scoring.tally import Summary
 
 TRIAL_SUFFIXES = (".mcap", ".part")
 BOX_SUFFIXES = (".txt", ".csv")

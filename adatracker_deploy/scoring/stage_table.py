@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 from rich import box
 from rich.table import Column, Table
 
-from adatracker_deploy.trial.stages import STAGES
-from adatracker_deploy.trial.summary_table import number_text
+from adatracker_deploy.scoring.stages import STAGES
+from adatracker_deploy.scoring.summary_table import number_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from adatracker_deploy.trial.stages import Percentiles
-    from adatracker_deploy.trial.tally import Summary
+    from adatracker_deploy.scoring.stages import Percentiles
+    from adatracker_deploy.scoring.tally import Summary
 
 
 def stage_table(summaries: Sequence[Summary]) -> Table:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.stats.running import RunningQuantiles
+from adatracker_deploy.scoring.stats.running import RunningQuantiles
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from adatracker_deploy.trial.record import Latency
+    from adatracker_deploy.core.record import Latency
 
 Percentiles = dict[str, float | None]
 """`p50`, `p99` and `max`, ms; None where nothing was measured."""

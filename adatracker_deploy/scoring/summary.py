@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING, Any
 
-from adatracker_deploy.stats.intervals import mean_estimate, mean_std, share_estimate
-from adatracker_deploy.stats.survival import kaplan_meier, median_duration
+from adatracker_deploy.scoring.metrics import DEFAULT_RULES, Rules, score_boxes
+from adatracker_deploy.scoring.stats.intervals import mean_estimate, mean_std, share_estimate
+from adatracker_deploy.scoring.stats.survival import kaplan_meier, median_duration
+from adatracker_deploy.scoring.tally import Summary, Tally
 from adatracker_deploy.trial.marks import holding, said
-from adatracker_deploy.trial.metrics import DEFAULT_RULES, Rules, score_boxes
-from adatracker_deploy.trial.tally import Summary, Tally
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
 
-    from adatracker_deploy.trial.box_file import BoxTrack
+    from adatracker_deploy.core.record import ScoredStep, StepRecord
+    from adatracker_deploy.scoring.box_file import BoxTrack
     from adatracker_deploy.trial.reader import ScoredTrial, Trial
-    from adatracker_deploy.trial.record import ScoredStep, StepRecord
 
 
 def summarise_log(trial: Trial | ScoredTrial, rules: Rules = DEFAULT_RULES) -> Summary:

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 from rich.console import Group
 from rich.text import Text
 
-from adatracker_deploy.trial.fitting import FittingTable
-from adatracker_deploy.trial.summary import by_method, statistics_of
+from adatracker_deploy.scoring.fitting import FittingTable
+from adatracker_deploy.scoring.summary import by_method, statistics_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rich.console import RenderableType
 
-    from adatracker_deploy.trial.tally import Summary
+    from adatracker_deploy.scoring.tally import Summary
 
 
 def summary_table(summaries: Sequence[Summary]) -> RenderableType:

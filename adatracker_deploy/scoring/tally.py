@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from adatracker_deploy.trial.metrics import DEFAULT_RULES, Rules, Scorer
-from adatracker_deploy.trial.stages import STAGES, LatencyPercentiles
+from adatracker_deploy.scoring.metrics import DEFAULT_RULES, Rules, Scorer
+from adatracker_deploy.scoring.stages import STAGES, LatencyPercentiles
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
 
-    from adatracker_deploy.trial.record import Outcome, ScoredStep, StepRecord
+    from adatracker_deploy.core.record import Outcome, ScoredStep, StepRecord
 
 Summary = dict[str, Any]
 """Keys are a contract: more may be added, none is renamed. Lengths in m, times in s unless a key says ms."""

@@ -5,7 +5,7 @@ and `camera` renders that. `world` puts it all together, `bodies` is what moves 
 episode with its rules, and `episode` runs a policy through one in lock-step, without a wire.
 """
 
-from adatracker_deploy.world.scenes import describe_scenes, scene_names
-from adatracker_deploy.world.world import World, check_scene
+from adatracker_deploy.sim.scenes import describe_scenes, scene_names
+from adatracker_deploy.sim.world import World, check_scene
 
 __all__ = ["World", "check_scene", "describe_scenes", "scene_names"]

@@ -7,9 +7,10 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from adatracker_deploy.geometry import Pose, wrap_angle
-from adatracker_deploy.platform import ZERO, Body, CameraMount, Twist
-from adatracker_deploy.schema import Range
+from adatracker_deploy.config.schema import Range
+from adatracker_deploy.core.geometry import Pose, wrap_angle
+from adatracker_deploy.core.messages import ZERO, Twist
+from adatracker_deploy.platform import Body, CameraMount
 
 
 class GroundBody(Body):

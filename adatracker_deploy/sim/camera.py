@@ -8,12 +8,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.messages import ClassMask
-from adatracker_deploy.world.caster import Array, Rays
-from adatracker_deploy.world.paint import Surfaces, paint
-from adatracker_deploy.world.scene import Scene
-from adatracker_deploy.world.stage import GROUND, NOTHING, Stage
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import ClassMask
+from adatracker_deploy.sim.caster import Array, Rays
+from adatracker_deploy.sim.paint import Surfaces, paint
+from adatracker_deploy.sim.scene import Scene
+from adatracker_deploy.sim.stage import GROUND, NOTHING, Stage
 
 _SUN = np.array([0.42, 0.28, 0.86]) / np.linalg.norm([0.42, 0.28, 0.86])
 """Direction to the sun."""

@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from adatracker_deploy.world.scene import Rgb, Scene
+from adatracker_deploy.sim.scene import Rgb, Scene
 
 Array = NDArray[np.float64]
 

@@ -6,11 +6,12 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from adatracker_deploy.messages import Box
-from adatracker_deploy.platform import Body, Limits, Twist
+from adatracker_deploy.config.limits import Limits
+from adatracker_deploy.core.messages import Box, Twist
+from adatracker_deploy.platform import Body
 from adatracker_deploy.policy.base import Policy, to_twist
-from adatracker_deploy.world.task import Outcome, Task, TaskSettings
-from adatracker_deploy.world.world import World
+from adatracker_deploy.sim.task import Outcome, Task, TaskSettings
+from adatracker_deploy.sim.world import World
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from adatracker_deploy.world import things
-from adatracker_deploy.world.footprint import Points
-from adatracker_deploy.world.path import lap_course
-from adatracker_deploy.world.scene import Ground, Lap, Rgb, Scene, Thing
-from adatracker_deploy.world.terrain import Terrain
+from adatracker_deploy.sim import things
+from adatracker_deploy.sim.footprint import Points
+from adatracker_deploy.sim.path import lap_course
+from adatracker_deploy.sim.scene import Ground, Lap, Rgb, Scene, Thing
+from adatracker_deploy.sim.terrain import Terrain
 
 _LAP_CLEAR_M = 1.5
 """Room beside a lap: for the person, and for a robot that follows on a chord of the course."""

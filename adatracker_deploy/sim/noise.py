@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from adatracker_deploy.messages import ClassMask, MaskClass
-from adatracker_deploy.schema import Range
+from adatracker_deploy.config.schema import Range
+from adatracker_deploy.core.messages import ClassMask, MaskClass
 
 Probability = Annotated[float, Range(0, 1)]
 NoiseLevel = Literal["none", "field", "hard", "embedded"]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from adatracker_deploy.world.scene import Ground, Scene
+from adatracker_deploy.sim.scene import Ground, Scene
 
 Array = NDArray[np.float64]
 

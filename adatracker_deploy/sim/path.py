@@ -15,9 +15,9 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from adatracker_deploy.geometry import wrap_angle
-from adatracker_deploy.world.footprint import Clearance, Points
-from adatracker_deploy.world.scene import Lap
+from adatracker_deploy.core.geometry import wrap_angle
+from adatracker_deploy.sim.footprint import Clearance, Points
+from adatracker_deploy.sim.scene import Lap
 
 PathName = Literal["s_path", "random_walk", "u_turns", "still"]
 

@@ -17,14 +17,14 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from adatracker_deploy.errors import PlatformError, UsageError
-from adatracker_deploy.faults.witness import Witness
-from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.errors import PlatformError, UsageError
+from adatracker_deploy.sim.witness import Witness
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from adatracker_deploy.runtime.clock import Clock
+    from adatracker_deploy.core.clock import Clock
 
 ASKED_WRONG = 2
 """Exit status of settings that cannot be; the process prints the reason as its only line."""

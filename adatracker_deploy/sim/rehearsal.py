@@ -16,18 +16,19 @@ from typing import TYPE_CHECKING, NamedTuple
 import cv2
 import numpy as np
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.messages import Frame
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import Frame
 from adatracker_deploy.runtime.pacer import Pacer
-from adatracker_deploy.world.world import World
+from adatracker_deploy.sim.world import World
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from multiprocessing.connection import Connection
 
-    from adatracker_deploy.platform import Scenario, Twist
-    from adatracker_deploy.runtime.clock import Clock
-    from adatracker_deploy.world.bodies import GroundBody
+    from adatracker_deploy.core.clock import Clock
+    from adatracker_deploy.core.messages import Twist
+    from adatracker_deploy.platform import Scenario
+    from adatracker_deploy.sim.bodies import GroundBody
 
 BODY_RADIUS_M = 0.3
 """How near an obstacle counts as a collision, and is kept off."""

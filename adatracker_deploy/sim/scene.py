@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
-from adatracker_deploy.world.footprint import FreeSpace, Solid
-from adatracker_deploy.world.terrain import FLAT, Terrain
+from adatracker_deploy.sim.footprint import FreeSpace, Solid
+from adatracker_deploy.sim.terrain import FLAT, Terrain
 
 Rgb = tuple[float, float, float]
 """Red, green and blue reflectance, 0 to 1."""

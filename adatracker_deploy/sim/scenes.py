@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.world import layouts
-from adatracker_deploy.world.scene import Scene
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.sim import layouts
+from adatracker_deploy.sim.scene import Scene
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from adatracker_deploy.messages import MaskClass
-from adatracker_deploy.world.caster import Array, Caster, Primitive, Rays
-from adatracker_deploy.world.person import LIMBS, Gait, Role, posture
-from adatracker_deploy.world.scene import Rgb, Scene, Thing
+from adatracker_deploy.core.messages import MaskClass
+from adatracker_deploy.sim.caster import Array, Caster, Primitive, Rays
+from adatracker_deploy.sim.person import LIMBS, Gait, Role, posture
+from adatracker_deploy.sim.scene import Rgb, Scene, Thing
 
 NOTHING = -1
 """Primitive index of a ray that meets nothing."""

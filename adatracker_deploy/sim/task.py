@@ -6,11 +6,11 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from adatracker_deploy.messages import Box, Observation, Truth
-from adatracker_deploy.platform import Body, Twist
-from adatracker_deploy.trial.metrics import MAX_LOST_STEPS, step_reward, target_visible
-from adatracker_deploy.world.bodies import GroundBody
-from adatracker_deploy.world.world import World
+from adatracker_deploy.core.messages import Box, Observation, Truth, Twist
+from adatracker_deploy.core.task import MAX_LOST_STEPS, step_reward, target_visible
+from adatracker_deploy.platform import Body
+from adatracker_deploy.sim.bodies import GroundBody
+from adatracker_deploy.sim.world import World
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from adatracker_deploy.world.scene import Part, Rgb, Thing
+from adatracker_deploy.sim.scene import Part, Rgb, Thing
 
 _BARK = (0.33, 0.24, 0.17)
 _STEEL = (0.42, 0.44, 0.46)

@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from adatracker_deploy.platform import Twist
+    from adatracker_deploy.core.messages import Twist
 
 FILE_NAME = "witness.txt"
 STILL = 1e-3

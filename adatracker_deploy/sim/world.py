@@ -9,13 +9,13 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.messages import ClassMask, Truth
-from adatracker_deploy.trial.metrics import DESIRED_DISTANCE_M
-from adatracker_deploy.world.camera import Camera
-from adatracker_deploy.world.footprint import Clearance, Points
-from adatracker_deploy.world.path import (
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import ClassMask, Truth
+from adatracker_deploy.core.task import DESIRED_DISTANCE_M
+from adatracker_deploy.sim.camera import Camera
+from adatracker_deploy.sim.footprint import Clearance, Points
+from adatracker_deploy.sim.path import (
     BERTH_M,
     Crosser,
     PathName,
@@ -26,9 +26,9 @@ from adatracker_deploy.world.path import (
     Walker,
     lap_course,
 )
-from adatracker_deploy.world.person import HEIGHT_M, Gait
-from adatracker_deploy.world.scenes import build_scene, scene_names
-from adatracker_deploy.world.stage import Stage
+from adatracker_deploy.sim.person import HEIGHT_M, Gait
+from adatracker_deploy.sim.scenes import build_scene, scene_names
+from adatracker_deploy.sim.stage import Stage
 
 PERSON_RADIUS_M = 0.3
 """Half the width of a person, for collisions and for keeping away from each other."""

@@ -27,12 +27,14 @@ from typing import TYPE_CHECKING, ClassVar
 
 import pytest
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.faults.catalogue import ROBOT_SILENT
-from adatracker_deploy.geometry import Pose, wrap_angle
-from adatracker_deploy.platform import ZERO, Platform, Scenario, Sitl, Twist
-from adatracker_deploy.profile import Profile, load_profile
-from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_deploy.config.profile import Profile
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.faults import ROBOT_SILENT
+from adatracker_deploy.core.geometry import Pose, wrap_angle
+from adatracker_deploy.core.messages import ZERO, Twist
+from adatracker_deploy.platform import Platform, Scenario, Sitl
+from adatracker_deploy.registry import load_profile
 from adatracker_deploy.testing.driving import SEND_PERIOD_S, distance, drive, every, pose, speed
 from adatracker_deploy.testing.manual import AgainstTheManual
 

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from adatracker_deploy.geometry import Pose
-    from adatracker_deploy.platform import Platform, PlatformState, Twist
+    from adatracker_deploy.core.geometry import Pose
+    from adatracker_deploy.core.messages import PlatformState, Twist
+    from adatracker_deploy.platform import Platform
 
 SEND_PERIOD_S = 0.02
 """The link sends at 50 Hz."""

@@ -12,26 +12,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.faults.catalogue import ROBOT_SILENT
-from adatracker_deploy.platform import (
-    ZERO,
-    Body,
-    CameraMount,
-    Check,
-    Limits,
-    Platform,
-    PlatformState,
-    Scenario,
-    Sitl,
-    Twist,
-)
-from adatracker_deploy.profile import CameraSettings, Profile
-from adatracker_deploy.schema import Range
-from adatracker_deploy.world.bodies import DriveSettings, KinematicBody
+from adatracker_deploy.config.limits import Limits
+from adatracker_deploy.config.profile import CameraSettings, Profile
+from adatracker_deploy.config.schema import Range
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.faults import ROBOT_SILENT
+from adatracker_deploy.core.messages import ZERO, PlatformState, Twist
+from adatracker_deploy.platform import Body, CameraMount, Check, Platform, Scenario, Sitl
+from adatracker_deploy.sim.bodies import DriveSettings, KinematicBody
 
 if TYPE_CHECKING:
-    from adatracker_deploy.runtime.clock import Clock
+    from adatracker_deploy.core.clock import Clock
 
 _STEP_S = 0.01
 _DEAF_S = 0.3

@@ -11,7 +11,8 @@ import pkgutil
 from typing import TYPE_CHECKING, Any, ClassVar
 from unittest import mock
 
-from adatracker_deploy.platform import ZERO, Platform, Twist
+from adatracker_deploy.core.messages import ZERO, Twist
+from adatracker_deploy.platform import Platform
 from adatracker_deploy.testing.driving import drive
 
 if TYPE_CHECKING:

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.platform import ZERO
+from adatracker_deploy.core.messages import ZERO
 from adatracker_deploy.runtime.black_box import FILE_NAME, read_black_box
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from adatracker_deploy.platform import Twist
+    from adatracker_deploy.core.messages import Twist
     from adatracker_deploy.runtime.black_box import Moment
 
 STILL_M_S = 0.1

@@ -31,16 +31,16 @@ from foxglove_schemas_protobuf.PointsAnnotation_pb2 import PointsAnnotation
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
-from adatracker_deploy.trial.mask_png import encode_mask
+from adatracker_deploy.core.mask_png import encode_mask
 from adatracker_deploy.trial.privacy import Veil
 from adatracker_deploy.trial.step_json import STEP_SCHEMA_NAME, step_schema, step_to_json
 
 if TYPE_CHECKING:
-    from adatracker_deploy.geometry import Pose
-    from adatracker_deploy.messages import Box
+    from adatracker_deploy.core.geometry import Pose
+    from adatracker_deploy.core.messages import Box
+    from adatracker_deploy.core.record import StepRecord
     from adatracker_deploy.trial.handover import Picture
     from adatracker_deploy.trial.privacy import Frames
-    from adatracker_deploy.trial.record import StepRecord
 
 JPEG_QUALITY = 85
 _LEVELS = {"info": Log.INFO, "warning": Log.WARNING, "error": Log.ERROR}

@@ -21,9 +21,9 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from adatracker_deploy.messages import ClassMask
+    from adatracker_deploy.core.messages import ClassMask
+    from adatracker_deploy.core.record import StepRecord
     from adatracker_deploy.trial.privacy import Frames
-    from adatracker_deploy.trial.record import StepRecord
 
 SLOTS = 16
 SLOT_BYTES = 16 << 20

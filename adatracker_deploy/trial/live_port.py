@@ -6,7 +6,7 @@ import importlib.metadata
 import socket
 from urllib.parse import quote
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 
 HOST = "127.0.0.1"
 DEFAULT_PORT = 8765

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 import numpy as np
 import yaml
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.trial.folder import (
     CONFIG_NAME,
     FILE_NAME,
@@ -48,9 +48,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from adatracker_deploy.messages import Frame, Observation
+    from adatracker_deploy.core.messages import Frame, Observation
+    from adatracker_deploy.core.record import StepRecord
     from adatracker_deploy.trial.privacy import Frames
-    from adatracker_deploy.trial.record import StepRecord
 
 START_TIMEOUT_S = 30.0
 CLOSE_TIMEOUT_S = 10.0

@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 import yaml
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.schema import Range, parse
+from adatracker_deploy.config.schema import Range, parse
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.trial.folder import sync_folder, write_file
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
 
-    from adatracker_deploy.trial.record import Outcome
+    from adatracker_deploy.core.record import Outcome
 
 MARKS_SUFFIX = ".marks.yaml"
 Verdict = Literal["good", "takeover", "wrong_person", "collision"]

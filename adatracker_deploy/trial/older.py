@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, TypeVar
 
-from adatracker_deploy.trial.record import ScoredStep, StepRecord
+from adatracker_deploy.core.record import ScoredStep, StepRecord
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

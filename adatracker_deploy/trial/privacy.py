@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Literal
 import cv2
 import numpy as np
 
-from adatracker_deploy.messages import MaskClass
+from adatracker_deploy.core.messages import MaskClass
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from adatracker_deploy.messages import ClassMask
+    from adatracker_deploy.core.messages import ClassMask
 
 Frames = Literal["full", "blurred", "none"]
 """What a log keeps of the camera's pictures."""

@@ -14,7 +14,7 @@ from pathlib import Path
 import cv2
 
 from adatracker_deploy import __version__
-from adatracker_deploy.perception.camera import without_password
+from adatracker_deploy.core.camera import without_password
 
 _GIT_TIMEOUT_S = 2.0
 _CHECKOUT = Path(__file__).parents[2]

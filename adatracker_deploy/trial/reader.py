@@ -18,11 +18,11 @@ from mcap.exceptions import McapError
 from mcap.records import Footer, Metadata
 from mcap.writer import MCAP0_MAGIC
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.mask_png import decode_mask
 from adatracker_deploy.perception.jpeg import decode_jpeg
 from adatracker_deploy.trial.folder import FILE_NAME, PART_NAME
 from adatracker_deploy.trial.marks import Mark, read_marks
-from adatracker_deploy.trial.mask_png import decode_mask
 from adatracker_deploy.trial.older import as_of_format_2
 from adatracker_deploy.trial.scan import whole_records
 from adatracker_deploy.trial.search import search
@@ -39,8 +39,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from adatracker_deploy.messages import ClassMask
-    from adatracker_deploy.trial.record import ScoredStep, StepRecord
+    from adatracker_deploy.core.messages import ClassMask
+    from adatracker_deploy.core.record import ScoredStep, StepRecord
 
 _YamlLoader: type[yaml.SafeLoader] = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 """The same, ten times as fast where PyYAML was built with libyaml."""

@@ -17,7 +17,7 @@ from mcap.exceptions import McapError
 from mcap.records import Channel, Footer, Message, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.trial.folder import PART_NAME, sync_folder
 from adatracker_deploy.trial.scan import whole_records
 from adatracker_deploy.trial.search import search

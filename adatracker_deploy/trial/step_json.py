@@ -20,7 +20,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from adatracker_deploy.trial.record import ScoredStep, StepRecord
+from adatracker_deploy.core.record import ScoredStep, StepRecord
 
 StepT = TypeVar("StepT", StepRecord, ScoredStep)
 

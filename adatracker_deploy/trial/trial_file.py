@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from adatracker_deploy.messages import ClassMask
+    from adatracker_deploy.core.messages import ClassMask
+    from adatracker_deploy.core.record import StepRecord
     from adatracker_deploy.trial.channels import Message
-    from adatracker_deploy.trial.record import StepRecord
 
 
 class TrialFile:

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import cv2
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.trial.channels import Encoder
 from adatracker_deploy.trial.folder import sync_folder
 from adatracker_deploy.trial.handover import (

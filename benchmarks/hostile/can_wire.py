@@ -10,18 +10,18 @@ from dataclasses import replace
 
 from flood import BATCH, Result, lives, pour, until
 
-from adatracker_deploy.platform import Scenario, load_platform
-from adatracker_deploy.profile import load_profile
-from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.platform import Scenario
+from adatracker_deploy.registry import load_platform, load_profile
 
 
 class _Base:
     """A simulated base behind a socketcand in this process, and what is counted on its bus."""
 
     def __init__(self, profile, clock) -> None:
-        from adatracker_wheeled.codec import Codec
-        from adatracker_wheeled.far_end import FarEnd
-        from adatracker_wheeled.socketcand import SocketcandServer
+        from adatracker_wheeled.protocol.codec import Codec
+        from adatracker_wheeled.sim.simulator import FarEnd
+        from adatracker_wheeled.sim.socketcand import SocketcandServer
 
         self.codec = Codec(profile.connection.roles)
         self.orders = 0
@@ -35,7 +35,7 @@ class _Base:
         self._thread.start()
 
     def asks(self, frame) -> bool:
-        from adatracker_wheeled.protocol import Malformed
+        from adatracker_wheeled.protocol.frames import Malformed
 
         try:
             return self.codec.parse_command(frame) is not None
@@ -58,7 +58,7 @@ class _Base:
 
 def flood_base(count: int) -> Result:
     """Flood one bus: the adapter and the simulated base are in one process, and both hear all of it."""
-    from adatracker_wheeled.hostile import frames
+    from adatracker_wheeled.sim.fuzz import frames
 
     platform_class, clock = load_platform("wheeled"), MonotonicClock()
     profile = load_profile("scout", platform_class)

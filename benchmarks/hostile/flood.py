@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.platform import Platform
 
 WARM_UP = 1000

@@ -13,9 +13,9 @@ from dataclasses import replace
 
 from flood import Result, lives, pour, until
 
-from adatracker_deploy.platform import Scenario, load_platform
-from adatracker_deploy.profile import load_profile
-from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.platform import Scenario
+from adatracker_deploy.registry import load_platform, load_profile
 
 
 class Relay(threading.Thread):
@@ -35,7 +35,7 @@ class Relay(threading.Thread):
     def run(self) -> None:
         import select
 
-        from adatracker_drone.packets import split
+        from adatracker_drone.protocol.packets import split
 
         while not self._ended:
             for ready in select.select([self.far, self.near], [], [], 0.1)[0]:
@@ -95,8 +95,8 @@ def _reached(profile, port: int, signing_key: str):
 
 
 def flood_drone(count: int, *, signed: bool = False, strangers: bool = False) -> Result:
-    from adatracker_drone.hostile import datagrams
-    from adatracker_drone.packets import HEARD
+    from adatracker_drone.protocol.packets import HEARD
+    from adatracker_drone.sim.fuzz import datagrams
 
     with contextlib.ExitStack() as stack:
         key = stack.enter_context(tempfile.NamedTemporaryFile()) if signed else None

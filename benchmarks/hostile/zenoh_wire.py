@@ -8,10 +8,10 @@ import random
 
 from flood import Result, lives, pour, until
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.platform import Scenario, load_platform
-from adatracker_deploy.profile import load_profile
-from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.platform import Scenario
+from adatracker_deploy.registry import load_platform, load_profile
 
 
 @contextlib.contextmanager
@@ -28,12 +28,12 @@ def quadruped():
 
 def flood_host(count: int) -> Result:
     """Flood all that the host listens to, its camera's topic too."""
-    from adatracker_deploy.geometry import Pose
+    from adatracker_deploy.core.geometry import Pose
+    from adatracker_deploy.core.messages import ZERO
     from adatracker_deploy.perception.compressed_image import CompressedImage
-    from adatracker_deploy.platform import ZERO
-    from adatracker_quadruped import messages
-    from adatracker_quadruped.camera_topic import with_camera
-    from adatracker_quadruped.keys import Keys
+    from adatracker_quadruped.protocol import messages
+    from adatracker_quadruped.protocol.camera_topic import with_camera
+    from adatracker_quadruped.protocol.keys import Keys
 
     with quadruped() as (platform, _):
         profile = platform.profile
@@ -58,7 +58,7 @@ def flood_host(count: int) -> Result:
 @contextlib.contextmanager
 def _camera(profile, clock):
     """The robot's camera, open; on a busy machine its first picture takes longer than a trial would wait."""
-    from adatracker_quadruped.camera import ZenohCamera
+    from adatracker_quadruped.adapter.camera import ZenohCamera
 
     for attempt in range(5):
         with contextlib.closing(ZenohCamera(profile, clock)) as camera:
@@ -74,9 +74,9 @@ def _camera(profile, clock):
 
 def flood_robot(count: int) -> Result:
     """Flood the commands of the simulated robot."""
-    from adatracker_deploy.platform import ZERO
-    from adatracker_quadruped.keys import Keys
-    from adatracker_quadruped.messages import encode_twist
+    from adatracker_deploy.core.messages import ZERO
+    from adatracker_quadruped.protocol.keys import Keys
+    from adatracker_quadruped.protocol.messages import encode_twist
 
     with quadruped() as (platform, pid):
         start = platform.state().pose
@@ -91,9 +91,9 @@ def _publish(connection, good: dict[str, bytes], count: int, pid: int | str) -> 
     """Publish payloads on all the keys in turn; return seconds, kB grown, and the commands that were seen."""
     import zenoh
 
-    from adatracker_quadruped.hostile import payloads
-    from adatracker_quadruped.keys import Keys
-    from adatracker_quadruped.session import open_session
+    from adatracker_quadruped.protocol.keys import Keys
+    from adatracker_quadruped.protocol.session import open_session
+    from adatracker_quadruped.sim.fuzz import payloads
 
     with open_session(connection) as session:
         block = zenoh.CongestionControl.BLOCK

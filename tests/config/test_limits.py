@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.limits import Limits, encloses
-from adatracker_deploy.schema import parse
+from adatracker_deploy.config.limits import Limits, encloses
+from adatracker_deploy.config.schema import parse
+from adatracker_deploy.core.errors import UsageError
 
 LEAST = {"forward_m_s": 1, "backward_m_s": 1, "yaw_rate_rad_s": 1, "accel_m_s2": 1, "yaw_accel_rad_s2": 1}
 L_SHAPE = ((0.0, 0.0), (4.0, 0.0), (4.0, 1.0), (1.0, 1.0), (1.0, 4.0), (0.0, 4.0))

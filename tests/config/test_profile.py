@@ -7,9 +7,9 @@ import re
 import pytest
 import yaml
 
-from adatracker_deploy import profile as profile_module
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.profile import load_profile, profile_dir, profile_names
+from adatracker_deploy import registry
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.registry import load_profile, profile_dir, profile_names
 from adatracker_deploy.testing.fake import FakePlatform
 
 SHIPPED = (profile_dir() / "px4_quad.yaml").read_text()
@@ -125,8 +125,8 @@ def install(monkeypatch, **robots):
             raise robots[name]
         return robots[name]
 
-    monkeypatch.setattr(profile_module, "platform_names", lambda: sorted(robots))
-    monkeypatch.setattr(profile_module, "load_platform", load)
+    monkeypatch.setattr(registry, "platform_names", lambda: sorted(robots))
+    monkeypatch.setattr(registry, "load_platform", load)
 
 
 def test_a_robot_from_outside_brings_its_profiles_along(outside):

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.schema import Range, parse
+from adatracker_deploy.config.schema import Range, parse
+from adatracker_deploy.core.errors import UsageError
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.profile import load_profile
-from adatracker_deploy.yaml_text import DEEPEST, parse_yaml, read_yaml
+from adatracker_deploy.config.yaml_text import DEEPEST, parse_yaml, read_yaml
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.registry import load_profile
 
 WORDS = "aZ09 _-:#*&![]{},'\"\\ü"
 PLAIN = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(WORDS, max_size=8)

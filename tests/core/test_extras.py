@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from adatracker_deploy import extras
-from adatracker_deploy.cli import main
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.cli import extras, main
+from adatracker_deploy.core.errors import UsageError
 
 LINES = (
     "numpy>=1.26",

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.geometry import Pose, wrap_angle
-from adatracker_deploy.messages import Box, MaskClass
+from adatracker_deploy.core.geometry import Pose, wrap_angle
+from adatracker_deploy.core.messages import Box, MaskClass
 from adatracker_deploy.perception.world_camera import Anchor
 
 lengths = st.floats(-50, 50)

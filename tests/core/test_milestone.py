@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.milestone import milestone
+from adatracker_deploy.core.milestone import milestone
 
 
 def test_of_ten_thousand_the_powers_of_ten_are_told():

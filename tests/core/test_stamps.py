@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.stamps import RESTARTED_AFTER, StampOrder
+from adatracker_deploy.core.stamps import RESTARTED_AFTER, StampOrder
 
 
 def news(stamps):

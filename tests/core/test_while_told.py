@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from adatracker_deploy.platform import while_told
-from adatracker_deploy.runtime.clock import FakeClock
+from adatracker_deploy.core.clock import FakeClock
+from adatracker_deploy.core.stamps import while_told
 
 
 @pytest.mark.parametrize("speed", [1.0, 5.0])

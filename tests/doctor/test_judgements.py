@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from adatracker_deploy.core.clock import FakeClock
+from adatracker_deploy.core.messages import Action
 from adatracker_deploy.doctor import machine, timing
 from adatracker_deploy.doctor.timing import Lateness
-from adatracker_deploy.messages import Action
 from adatracker_deploy.policy.base import FORWARD_YAW, PolicyInfo
-from adatracker_deploy.runtime.clock import FakeClock
 
 OK, DOUBTED, REFUSED = (True, True), (False, False), (False, True)
 HERE = Path("logs")

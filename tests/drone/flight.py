@@ -4,12 +4,12 @@ import math
 
 from pymavlink.dialects.v20 import common as mavlink
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.platform import Twist
-from adatracker_drone.autopilot import Autopilot
-from adatracker_drone.body import STEP_S, DroneBody
-from adatracker_drone.px4 import Mode, Result
-from adatracker_drone.settings import SitlSettings
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import Twist
+from adatracker_drone.protocol.px4 import Mode, Result
+from adatracker_drone.sim.autopilot import Autopilot
+from adatracker_drone.sim.dynamics import STEP_S, DroneBody
+from adatracker_drone.sim.settings import SitlSettings
 
 EXACT = {
     "velocity_bias_m_s": 0.0,

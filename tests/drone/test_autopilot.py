@@ -6,12 +6,12 @@ import pytest
 from flight import EXACT, LOCAL_NED, STILL, Flight, place, velocity
 from pymavlink.dialects.v20 import common as mavlink
 
-from adatracker_deploy.errors import UsageError
-from adatracker_drone.autopilot import Autopilot
-from adatracker_drone.events import number_of
-from adatracker_drone.motion import Motion
-from adatracker_drone.px4 import Mode, Result
-from adatracker_drone.settings import SitlSettings
+from adatracker_deploy.core.errors import UsageError
+from adatracker_drone.protocol.events import number_of
+from adatracker_drone.protocol.px4 import Mode, Result
+from adatracker_drone.sim.autopilot import Autopilot
+from adatracker_drone.sim.motion import Motion
+from adatracker_drone.sim.settings import SitlSettings
 
 # Arming
 

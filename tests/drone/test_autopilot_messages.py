@@ -11,14 +11,14 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as mavlink
 from pymavlink.dialects.v20 import development
 
-from adatracker_drone.autopilot import _HANDLERS, Autopilot
-from adatracker_drone.dialect import CurrentMode, Event
-from adatracker_drone.events import number_of
-from adatracker_drone.motion import Motion
-from adatracker_drone.packets import CURRENT_MODE, HEARD, split
-from adatracker_drone.parameters import PARAMETERS, Kind, from_wire, to_wire
-from adatracker_drone.px4 import Mode, Result
-from adatracker_drone.services import SERVICES
+from adatracker_drone.protocol.dialect import CurrentMode, Event
+from adatracker_drone.protocol.events import number_of
+from adatracker_drone.protocol.packets import CURRENT_MODE, HEARD, split
+from adatracker_drone.protocol.px4 import Mode, Result
+from adatracker_drone.sim.autopilot import _HANDLERS, Autopilot
+from adatracker_drone.sim.motion import Motion
+from adatracker_drone.sim.parameters import PARAMETERS, Kind, from_wire, to_wire
+from adatracker_drone.sim.services import SERVICES
 
 
 def carried(name, value):

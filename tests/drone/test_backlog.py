@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_drone.backlog import MOST_BEHIND, PATIENCE_S, Backlog
+from adatracker_drone.adapter.backlog import MOST_BEHIND, PATIENCE_S, Backlog
 
 
 def begun():

@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.runtime.clock import FakeClock
-from adatracker_drone.connection import Connection
-from adatracker_drone.dialogue import Dialogue
-from adatracker_drone.heard import Heard
-from adatracker_drone.helm import Helm
-from adatracker_drone.orders import HOLD, LAND, OFFBOARD, TAKE_OFF, TELL_MODE
-from adatracker_drone.vehicle import Answer
+from adatracker_deploy.core.clock import FakeClock
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_drone.adapter.authority import Helm
+from adatracker_drone.adapter.command_client import Dialogue
+from adatracker_drone.adapter.commands import HOLD, LAND, OFFBOARD, TAKE_OFF, TELL_MODE
+from adatracker_drone.adapter.transport import Answer
+from adatracker_drone.adapter.vehicle_state import Heard
+from adatracker_drone.protocol.connection import Connection
 
 DENIED = 2
 

@@ -5,11 +5,11 @@ import json
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
-from adatracker_drone.events import REASONS, number_of, reason_of
-from adatracker_drone.heard import mode_name
-from adatracker_drone.orders import ARM, DISARM, HOLD, LAND, OFFBOARD, TAKE_OFF, TELL_MODE, rates
-from adatracker_drone.packets import CURRENT_MODE
-from adatracker_drone.px4 import Mode
+from adatracker_drone.adapter.commands import ARM, DISARM, HOLD, LAND, OFFBOARD, TAKE_OFF, TELL_MODE, rates
+from adatracker_drone.adapter.vehicle_state import mode_name
+from adatracker_drone.protocol.events import REASONS, number_of, reason_of
+from adatracker_drone.protocol.packets import CURRENT_MODE
+from adatracker_drone.protocol.px4 import Mode
 
 
 def fields(order):

@@ -5,13 +5,13 @@ from __future__ import annotations
 import threading
 
 import pytest
+from adatracker_drone.platform import DronePlatform
 from test_platform_sitl import AgainstTheManual, rehearsal_profile
 
-from adatracker_deploy.far_end import Orders
 from adatracker_deploy.platform import Sitl
-from adatracker_drone.far_end import FarEnd
-from adatracker_drone.platform import DronePlatform
-from adatracker_drone.sitl import DroneSitl
+from adatracker_deploy.sim.process import Orders
+from adatracker_drone.sim.simulator import FarEnd
+from adatracker_drone.sim.sitl import DroneSitl
 
 pytestmark = pytest.mark.slow
 

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.platform import ZERO, Twist
-from adatracker_drone.body import STEP_S, DroneBody, Power
-from adatracker_drone.settings import SitlSettings
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import ZERO, Twist
+from adatracker_drone.sim.dynamics import STEP_S, DroneBody, Power
+from adatracker_drone.sim.settings import SitlSettings
 
 HIGH = Pose(z=5.0)
 

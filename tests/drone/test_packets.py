@@ -7,7 +7,7 @@ from packing import KEY, heartbeat, packer
 from pymavlink.dialects.v20 import common as mavlink
 from pymavlink.dialects.v20 import development
 
-from adatracker_drone.packets import (
+from adatracker_drone.protocol.packets import (
     CURRENT_MODE,
     EVENT,
     HEARD,

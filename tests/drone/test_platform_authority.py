@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.platform import ZERO, Twist
-from adatracker_deploy.runtime.clock import FakeClock
-from adatracker_drone.connection import Connection
-from adatracker_drone.heard import Heard
-from adatracker_drone.helm import Helm
-from adatracker_drone.orders import LAND, OFFBOARD, TAKE_OFF, Order
+from adatracker_deploy.core.clock import FakeClock
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import ZERO, Twist
+from adatracker_drone.adapter.authority import Helm
+from adatracker_drone.adapter.commands import LAND, OFFBOARD, TAKE_OFF, Order
+from adatracker_drone.adapter.vehicle_state import Heard
+from adatracker_drone.protocol.connection import Connection
 
 
 class RecordingVehicle:

@@ -12,17 +12,17 @@ import threading
 import time
 
 import pytest
+from adatracker_drone.platform import DronePlatform
 from packing import KEY, packer
 from pymavlink.dialects.v20 import common as mavlink
 
-from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.platform import Scenario
-from adatracker_deploy.profile import load_profile
-from adatracker_deploy.runtime.clock import MonotonicClock
-from adatracker_drone.hostile import datagrams
-from adatracker_drone.packets import HEARD, split
-from adatracker_drone.platform import DronePlatform
-from adatracker_drone.preflight import link_checks
+from adatracker_deploy.registry import load_profile
+from adatracker_drone.adapter.preflight import link_checks
+from adatracker_drone.protocol.packets import HEARD, split
+from adatracker_drone.sim.fuzz import datagrams
 
 
 def until(condition, within_s=10.0):

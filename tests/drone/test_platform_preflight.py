@@ -4,17 +4,17 @@ import dataclasses
 
 import pytest
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.platform import Limits
-from adatracker_deploy.profile import load_profile, profile_dir
-from adatracker_drone.connection import Connection, altitude_band
-from adatracker_drone.preflight import (
+from adatracker_deploy.config.limits import Limits
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.registry import load_profile, profile_dir
+from adatracker_drone.adapter.preflight import (
     Parameters,
     envelope_checks,
     failsafe_checks,
     health_checks,
     mode_checks,
 )
+from adatracker_drone.protocol.connection import Connection, altitude_band
 
 SAFE = Parameters(
     COM_OF_LOSS_T=1.0,

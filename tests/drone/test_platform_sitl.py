@@ -9,14 +9,15 @@ import time
 from typing import ClassVar
 
 import pytest
+from adatracker_drone.platform import DronePlatform
 from pymavlink.dialects.v20 import common as mavlink
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.platform import ZERO, Scenario, Twist
-from adatracker_deploy.profile import load_profile
-from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import ZERO, Twist
+from adatracker_deploy.platform import Scenario
+from adatracker_deploy.registry import load_profile
 from adatracker_deploy.testing.conformance import PlatformConformance
-from adatracker_drone.platform import DronePlatform
 
 pytestmark = pytest.mark.slow
 
@@ -47,7 +48,7 @@ def rehearsal_profile(**sitl):
 
 class AgainstTheManual(PlatformConformance):
     manual: ClassVar = SET_POINTS
-    says = "adatracker_drone.vehicle:set_point_json"
+    says = "adatracker_drone.adapter.transport:set_point_json"
 
     def said(self, *values):
         return values[-1].encode()

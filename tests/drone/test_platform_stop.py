@@ -7,8 +7,8 @@ import time
 import pytest
 from watched import until, watched
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_drone.px4 import Mode
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_drone.protocol.px4 import Mode
 
 pytestmark = pytest.mark.slow
 

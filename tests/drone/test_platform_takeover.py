@@ -5,13 +5,13 @@ import threading
 import time
 
 import pytest
+from adatracker_drone.platform import DronePlatform
 from watched import Watched, until, watched
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.platform import Twist
-from adatracker_deploy.runtime.clock import MonotonicClock
-from adatracker_drone.platform import DronePlatform
-from adatracker_drone.px4 import Mode
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import Twist
+from adatracker_drone.protocol.px4 import Mode
 
 pytestmark = pytest.mark.slow
 

@@ -7,15 +7,16 @@ import threading
 import time
 
 import pytest
+from adatracker_drone.platform import DronePlatform
 from packing import packer
 from pymavlink.dialects.v20 import common as mavlink
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.platform import Scenario, Twist
-from adatracker_deploy.profile import load_profile
-from adatracker_deploy.runtime.clock import MonotonicClock
-from adatracker_drone.guard import Guard
-from adatracker_drone.platform import DronePlatform
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import Twist
+from adatracker_deploy.platform import Scenario
+from adatracker_deploy.registry import load_profile
+from adatracker_drone.adapter.sender_filter import Guard
 
 pytestmark = pytest.mark.slow
 

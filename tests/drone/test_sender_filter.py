@@ -6,11 +6,11 @@ from hypothesis import strategies as st
 from packing import KEY, heartbeat, packer
 from pymavlink.dialects.v20 import common as mavlink
 
-from adatracker_deploy.errors import UsageError
-from adatracker_drone.connection import Connection
-from adatracker_drone.guard import Guard, Ignored
-from adatracker_drone.packets import EPOCH_2015_NS, HEARD, split
-from adatracker_drone.signing import Signer, read_key
+from adatracker_deploy.core.errors import UsageError
+from adatracker_drone.adapter.sender_filter import Guard, Ignored
+from adatracker_drone.protocol.connection import Connection
+from adatracker_drone.protocol.packets import EPOCH_2015_NS, HEARD, split
+from adatracker_drone.protocol.signing import Signer, read_key
 
 DRONE, OTHER = ("10.0.0.2", 14580), ("10.0.0.66", 14580)
 NOW_NS = EPOCH_2015_NS + 10**18

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.errors import PlatformError, UsageError
-from adatracker_deploy.platform import Twist
-from adatracker_drone.frames import NedPose
-from adatracker_drone.protocol import (
+from adatracker_deploy.core.errors import PlatformError, UsageError
+from adatracker_deploy.core.messages import Twist
+from adatracker_drone.protocol.frames import NedPose
+from adatracker_drone.protocol.setpoints import (
     FASTEST_M_S,
     AltitudeHold,
     body_velocity,

@@ -13,6 +13,7 @@ import time
 from pathlib import Path
 
 import pytest
+from adatracker_drone.platform import DronePlatform
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mavsdk import ComponentType, Configuration, Mavsdk
@@ -23,14 +24,13 @@ from mavsdk.plugins.telemetry import Telemetry
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import common as mavlink
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.platform import Scenario
-from adatracker_deploy.profile import load_profile
-from adatracker_deploy.runtime.clock import MonotonicClock
-from adatracker_drone.far_end import Wire
-from adatracker_drone.parameters import PARAMETERS, Kind, from_wire
-from adatracker_drone.platform import DronePlatform
-from adatracker_drone.sitl import DroneSitl
+from adatracker_deploy.registry import load_profile
+from adatracker_drone.sim.parameters import PARAMETERS, Kind, from_wire
+from adatracker_drone.sim.simulator import Wire
+from adatracker_drone.sim.sitl import DroneSitl
 
 
 def until(condition, timeout_s=30.0):
@@ -63,7 +63,7 @@ def profile(url="udpin://127.0.0.1:0", **sitl):
 
 
 def command_line(*args):
-    return [sys.executable, "-m", "adatracker_drone.sitl", *args]
+    return [sys.executable, "-m", "adatracker_drone.sim.sitl", *args]
 
 
 # What is refused

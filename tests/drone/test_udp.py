@@ -8,11 +8,11 @@ import time
 import pytest
 from packing import KEY, heartbeat, packer
 
-from adatracker_deploy.errors import UsageError
-from adatracker_drone.guard import Ignored
-from adatracker_drone.packets import split
-from adatracker_drone.signing import Signer
-from adatracker_drone.udp import UdpLink
+from adatracker_deploy.core.errors import UsageError
+from adatracker_drone.adapter.sender_filter import Ignored
+from adatracker_drone.adapter.udp import UdpLink
+from adatracker_drone.protocol.packets import split
+from adatracker_drone.protocol.signing import Signer
 
 
 def talker(port=None):

@@ -9,13 +9,13 @@ import threading
 import time
 from typing import NamedTuple
 
+from adatracker_drone.platform import DronePlatform
 from test_platform_sitl import rehearsal_profile
 
-from adatracker_deploy.runtime.clock import MonotonicClock
-from adatracker_drone.autopilot import velocity_of
-from adatracker_drone.far_end import FarEnd
-from adatracker_drone.platform import DronePlatform
-from adatracker_drone.px4 import Mode
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_drone.protocol.px4 import Mode
+from adatracker_drone.sim.autopilot import velocity_of
+from adatracker_drone.sim.simulator import FarEnd
 
 ARM_DISARM, SET_MODE, TAKE_OFF, LAND = 400, 176, 22, 21
 MODES = {ARM_DISARM: "", SET_MODE: "", TAKE_OFF: "TAKEOFF", LAND: "LAND"}

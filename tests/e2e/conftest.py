@@ -18,7 +18,7 @@ import pytest
 import yaml
 from pymavlink import mavutil
 
-from adatracker_deploy.profile import profile_dir
+from adatracker_deploy.registry import profile_dir
 
 COMMAND = [sys.executable, "-m", "adatracker_deploy"]
 DISARMED_LANDED = mavutil.mavlink.MAV_LANDED_STATE_ON_GROUND

@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from adatracker_deploy.cli import main
-from adatracker_deploy.messages import Box
+from adatracker_deploy.core.messages import Box
 from adatracker_deploy.perception import segmenters
 
 SIGHTS = 60

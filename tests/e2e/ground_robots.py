@@ -21,7 +21,7 @@ import pytest
 import yaml
 import zenoh
 
-from adatracker_deploy.profile import profile_dir
+from adatracker_deploy.registry import profile_dir
 from tests.quadruped.cdr import LAYOUTS, decode
 
 from .cable import Cable
@@ -134,7 +134,7 @@ class GroundRobot(abc.ABC):
 
 class Wheeled(GroundRobot):
     name = "wheeled"
-    module = "adatracker_wheeled.sitl"
+    module = "adatracker_wheeled.sim.sitl"
     shipped = "scout"
 
     def port(self) -> int:
@@ -173,7 +173,7 @@ class Wheeled(GroundRobot):
 
 class Quadruped(GroundRobot):
     name = "quadruped"
-    module = "adatracker_quadruped.sitl"
+    module = "adatracker_quadruped.sim.sitl"
     shipped = "go2"
     any_port = ("--listen", "tcp/127.0.0.1:0")
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from adatracker_deploy.cli import main
-from adatracker_deploy.messages import Frame, TargetState
+from adatracker_deploy.core.messages import Frame, TargetState
 from adatracker_deploy.perception.capture import Capture
 from adatracker_deploy.perception.pipeline import perceive
 from adatracker_deploy.perception.segmenters import EMBEDDED, open_segmenter

@@ -10,14 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from adatracker_deploy.faults.catalogue import known_faults
+from adatracker_deploy.core.faults import known_faults
 from adatracker_deploy.faults.judge import MOVING_M_S
 from adatracker_deploy.faults.matrix import FOLLOWED_S, ROWS
 from adatracker_deploy.faults.phase_rows import PHASE_ROWS
 from adatracker_deploy.faults.rehearse import rehearse
 from adatracker_deploy.faults.stalls import Stalls
-from adatracker_deploy.platform import load_platform
-from adatracker_deploy.profile import load_profile
+from adatracker_deploy.registry import load_platform, load_profile
 from adatracker_deploy.trial.reader import find_trials, read_trial
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(240)]

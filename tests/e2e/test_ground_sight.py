@@ -14,9 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from adatracker_deploy.messages import Frame
+from adatracker_deploy.core.messages import ZERO, Frame
 from adatracker_deploy.perception.mjpeg_server import MjpegServer
-from adatracker_deploy.platform import ZERO
 from adatracker_deploy.runtime.loop import STALE_OBSERVATION_S
 from adatracker_deploy.trial.reader import read_trial
 

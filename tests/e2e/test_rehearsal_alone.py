@@ -12,15 +12,16 @@ import time
 
 import pytest
 import zenoh
-
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.platform import Scenario, Twist, load_platform
-from adatracker_deploy.profile import load_profile
-from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_quadruped.platform import QuadrupedPlatform
-from adatracker_quadruped.session import zenoh_config
 from adatracker_wheeled.platform import WheeledPlatform
-from adatracker_wheeled.socketcand import SocketcandServer
+
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import Twist
+from adatracker_deploy.platform import Scenario
+from adatracker_deploy.registry import load_platform, load_profile
+from adatracker_quadruped.protocol.session import zenoh_config
+from adatracker_wheeled.sim.socketcand import SocketcandServer
 from tests.quadruped.routers import free_port, until
 
 pytestmark = pytest.mark.slow

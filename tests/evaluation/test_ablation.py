@@ -11,7 +11,7 @@ from adatracker_deploy.cli import main
 from adatracker_deploy.evaluation.ablation import ArmScore, ablation_latex, ablation_record
 from adatracker_deploy.learning.data.collect import collect
 from adatracker_deploy.learning.data.recipe import load_recipe
-from adatracker_deploy.stats.intervals import mean_difference
+from adatracker_deploy.scoring.stats.intervals import mean_difference
 
 
 def an_arm(name, *ars):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.evaluation.context import Recorded, explained, plane, settled_tick, settling
 from adatracker_deploy.evaluation.context_study import study_context
 from adatracker_deploy.evaluation.context_view import context_picture, context_table

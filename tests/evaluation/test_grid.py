@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.evaluation.grid import CELLS, Grid, policy_labels
 from adatracker_deploy.evaluation.published import PUBLISHED
 from adatracker_deploy.learning.seeds import FIRST_EVALUATION

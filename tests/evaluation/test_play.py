@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.core.errors import PlatformError, UsageError
 from adatracker_deploy.evaluation import play as module
 from adatracker_deploy.evaluation.play import Episode, play, play_all
 from adatracker_deploy.learning.conditions import make_cell
 from adatracker_deploy.learning.seeds import TUNING
 from adatracker_deploy.policy.catalogue import load_policy
-from adatracker_deploy.world.episode import run_episode
+from adatracker_deploy.sim.episode import run_episode
 from tests.evaluation import dying
 from tests.policy import tiny
 

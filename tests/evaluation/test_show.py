@@ -11,7 +11,7 @@ from dataclasses import replace
 import pytest
 from rich.console import Console
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.evaluation.drawing import check_drawing, write_figure
 from adatracker_deploy.evaluation.grid import CELLS, Grid
 from adatracker_deploy.evaluation.latex import latex_table

@@ -5,12 +5,12 @@ from __future__ import annotations
 import signal
 from dataclasses import replace
 
-from adatracker_deploy.faults.catalogue import OURS
+from adatracker_deploy.core.faults import OURS
 from adatracker_deploy.faults.evidence import INTERRUPTED_STATUS, Evidence, Tick
 from adatracker_deploy.faults.matrix import INTERRUPTED, KILLED, TAKEN
 from adatracker_deploy.faults.phases import IN_FLIGHT, ORDER, TrialPhase
 from adatracker_deploy.faults.watch import Seen
-from adatracker_deploy.faults.witness import Account, Flying, Told
+from adatracker_deploy.sim.witness import Account, Flying, Told
 
 ONSET_NS = 50_000_000_000
 SIGNALS = ("interrupt", "terminate", "hangup")

@@ -10,7 +10,7 @@ import threading
 
 import pytest
 
-from adatracker_deploy import platform
+from adatracker_deploy import platform, registry
 from adatracker_deploy.cli import faults, main
 from adatracker_deploy.faults.judge import Result
 from adatracker_deploy.faults.stalls import Stalls
@@ -43,9 +43,9 @@ def test_a_robot_that_lacks_what_was_asked_for_is_told_with_the_reason(capsys):
 
 
 def test_a_robot_whose_far_end_takes_no_orders_is_refused_or_left_out(capsys, monkeypatch):
-    monkeypatch.setattr(platform, "platform_names", lambda: ["fake"])
-    monkeypatch.setattr(platform, "load_platform", lambda _: FakePlatform)
-    monkeypatch.setattr("adatracker_deploy.profile.load_profile", lambda *_: None)
+    monkeypatch.setattr(registry, "platform_names", lambda: ["fake"])
+    monkeypatch.setattr(registry, "load_platform", lambda _: FakePlatform)
+    monkeypatch.setattr(registry, "load_profile", lambda *_: None)
     monkeypatch.setattr(FakePlatform, "sitl", lambda _: NoOrders())
     assert main(["faults", "--platform", "fake"]) == 2
     assert "its far end takes no orders" in capsys.readouterr().err
@@ -60,7 +60,7 @@ class NoOrders(platform.Sitl):
 
 def test_a_run_without_faults_holds_nothing_that_could_strike():
     loaded = "'adatracker_deploy.faults.injection' in sys.modules"
-    looks = f"import adatracker_deploy.trial_run, sys; sys.exit({loaded})"
+    looks = f"import adatracker_deploy.app.trial_run, sys; sys.exit({loaded})"
     assert subprocess.run([sys.executable, "-c", looks], check=False).returncode == 0
 
 

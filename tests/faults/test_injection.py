@@ -7,13 +7,13 @@ import time
 
 import pytest
 
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.faults import LINK_DROP, known_faults
 from adatracker_deploy.faults import injection as module
-from adatracker_deploy.faults.catalogue import LINK_DROP, known_faults
 from adatracker_deploy.faults.injection import Injection
 from adatracker_deploy.faults.phases import TrialPhase
 from adatracker_deploy.faults.schedule import parse_schedule
-from adatracker_deploy.faults.witness import FILE_NAME, Witness, read_witness
-from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_deploy.sim.witness import FILE_NAME, Witness, read_witness
 
 
 class FarEnd:

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import pytest
 
-from adatracker_deploy.faults.catalogue import OURS
+from adatracker_deploy.core.faults import OURS
 from adatracker_deploy.faults.evidence import without_effect
 from adatracker_deploy.faults.judge import judge
 from adatracker_deploy.faults.matrix import ROWS
 from adatracker_deploy.faults.phase_rows import PHASE_FAULTS, PHASE_ROWS, absent_in_phase, all_rows, has_phase
 from adatracker_deploy.faults.phases import ORDER, TrialPhase
-from adatracker_deploy.faults.witness import Told
+from adatracker_deploy.sim.witness import Told
 
 from .evidences import ONSET_NS, as_it_should, commands, nothing_happened, ns
 

@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from adatracker_deploy.core.messages import Action
 from adatracker_deploy.faults.parts import FaultyPolicy, FaultySegmenter, FrozenCamera, Switch
-from adatracker_deploy.messages import Action
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import threading
 
 import pytest
 
-from adatracker_deploy.faults.catalogue import LINK_DROP
+from adatracker_deploy.core.faults import LINK_DROP
 from adatracker_deploy.faults.running_far_end import RunningFarEnd, serving
 from adatracker_deploy.platform import Scenario, Sitl
 from adatracker_deploy.testing.fake import FakePlatform, fake_profile

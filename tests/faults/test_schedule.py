@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.faults.catalogue import CAMERA_GONE, OURS, Fault, known_faults
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.faults import CAMERA_GONE, OURS, Fault, known_faults
 from adatracker_deploy.faults.phases import IN_FLIGHT, ORDER, TrialPhase
 from adatracker_deploy.faults.schedule import LATEST_S, Strike, next_due, parse_schedule
 from adatracker_deploy.runtime.loop import BLIND_S

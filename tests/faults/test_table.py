@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from rich.console import Console
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.faults.judge import Result
 from adatracker_deploy.faults.matrix import NOT_SHOWN
 from adatracker_deploy.faults.phases import TrialPhase

@@ -12,7 +12,7 @@ import pytest
 
 from adatracker_deploy.faults.take_off import reached
 from adatracker_deploy.faults.watch import Seen, Watch
-from adatracker_deploy.faults.witness import Account, Flying, Witness
+from adatracker_deploy.sim.witness import Account, Flying, Witness
 
 LINK = """
 import pathlib, sys

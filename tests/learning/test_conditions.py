@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.messages import MaskClass
 from adatracker_deploy.learning.conditions import (
     CONDITIONS,
     HEIGHTS_M,
@@ -17,7 +18,6 @@ from adatracker_deploy.learning.conditions import (
 from adatracker_deploy.learning.data.recipe import load_recipe
 from adatracker_deploy.learning.seeds import FIRST_EVALUATION, TRAINING, TUNING, training_seed
 from adatracker_deploy.learning.tracking import Tracking
-from adatracker_deploy.messages import MaskClass
 
 CELLS = [(height, speed) for height in HEIGHTS_M for speed in TARGET_SPEEDS_M_S]
 

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.geometry import Pose
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import Twist
 from adatracker_deploy.learning import embodiment as module
 from adatracker_deploy.learning.embodiment import Embodiment
 from adatracker_deploy.learning.view import pitch_in_view_deg
-from adatracker_deploy.platform import Twist
 
 DT_S = 0.1
 

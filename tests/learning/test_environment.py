@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from adatracker_deploy.errors import UsageError
+import adatracker_deploy.gym  # noqa: F401 -- registers them
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.messages import MaskClass
+from adatracker_deploy.core.task import step_reward
 from adatracker_deploy.learning.conditions import make_cell
 from adatracker_deploy.learning.environment import TrackingEnv
 from adatracker_deploy.learning.seeds import TUNING
-from adatracker_deploy.messages import MaskClass
-from adatracker_deploy.trial.metrics import step_reward
 
 IDS = ("AdaTracker-v0", "AdaTrackerClean-v0", "AdaTrackerField-v0", "AdaTrackerHard-v0")
 STAND = np.zeros(2, np.float32)

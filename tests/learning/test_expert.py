@@ -7,11 +7,11 @@ import dataclasses
 import numpy as np
 import pytest
 
+from adatracker_deploy.core.messages import Twist
 from adatracker_deploy.learning.conditions import make_cell
 from adatracker_deploy.learning.expert import Expert
 from adatracker_deploy.learning.seeds import TUNING
 from adatracker_deploy.learning.tracking import ACTION, Tracking
-from adatracker_deploy.platform import Twist
 from adatracker_deploy.policy.base import to_twist
 
 CORNERS = [(0.3, 0.5), (0.3, 3.0), (3.0, 1.0), (3.0, 3.0)]

@@ -12,7 +12,7 @@ import pytest
 import torch
 from torch.nn import functional
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.checkpoint import OFFLINE_EVT
 from adatracker_deploy.learning.export import export_checkpoint, largest_difference
 from adatracker_deploy.learning.rollout import rollout, walking_masks

@@ -10,7 +10,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.checkpoint import load_checkpoint
 from adatracker_deploy.learning.data.collect import collect
 from adatracker_deploy.learning.data.recipe import load_recipe

@@ -13,7 +13,7 @@ import onnxruntime
 import pytest
 from tiny_tfjs import TinyModel
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from perception_conversion.calibration import calibration_inputs, nanodet_input, videos_in
 from perception_conversion.catalogue import NANODET, VOCABULARY
 from perception_conversion.conversion import freed

@@ -7,7 +7,7 @@ import struct
 import numpy as np
 import pytest
 
-from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.core.errors import PlatformError, UsageError
 from adatracker_deploy.perception.capture import Capture
 from adatracker_deploy.perception.film_writer import FilmWriter, check_film_path
 

@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from streams import jpeg, picture
 
-from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.core.camera import FilmOverError
+from adatracker_deploy.core.errors import PlatformError, UsageError
 from adatracker_deploy.perception import folder
-from adatracker_deploy.perception.camera import FilmOverError
 from adatracker_deploy.perception.folder import FolderCamera, natural, pictures_in
 
 START_NS = 7_000_000_000

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from streams import jpeg, picture
 
-from adatracker_deploy.perception.camera import LARGEST_SIDE
+from adatracker_deploy.core.camera import LARGEST_SIDE
 from adatracker_deploy.perception.jpeg import decode_jpeg, jpeg_size
 
 SIZE_MARKER = b"\xff\xc0"

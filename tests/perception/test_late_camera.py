@@ -17,14 +17,13 @@ from rtsp import rtsp_camera
 from streams import STREAM, jpeg, part, picture, serving, until
 from test_zenoh_camera import free_port, message
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.messages import Action, Box, MaskClass, Observation
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import ZERO, Action, Box, MaskClass, Observation
 from adatracker_deploy.perception.pipeline import Perception
 from adatracker_deploy.perception.sources import open_source
 from adatracker_deploy.perception.zenoh_session import session_config
-from adatracker_deploy.platform import ZERO
 from adatracker_deploy.policy.base import FORWARD_YAW, PolicyInfo
-from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_deploy.runtime.gate import Setpoint
 from adatracker_deploy.runtime.link import RATE_HZ, Link, Phase
 from adatracker_deploy.runtime.loop import Loop

@@ -13,16 +13,16 @@ import numpy as np
 import pytest
 from streams import STREAM, jpeg, part, picture, serving, until
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.messages import Frame, Truth
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import Frame, Truth
 from adatracker_deploy.perception import live, mjpeg
 from adatracker_deploy.perception.jpeg import decode_jpeg
 from adatracker_deploy.perception.mjpeg import MjpegCamera, decode_part
 from adatracker_deploy.perception.mjpeg_server import MjpegServer
 from adatracker_deploy.perception.multipart import LARGEST_BODY_BYTES, MultipartParser, Part
 from adatracker_deploy.perception.truth_wire import encode_truth
-from adatracker_deploy.runtime.clock import MonotonicClock
 
 CLOCK = MonotonicClock()
 TRUTH = Truth(np.ones((48, 64), np.uint8), Pose(1.0), Pose(2.0), (3.0, 4.0), 5.0, 0.5, collided=False)

@@ -16,9 +16,9 @@ import cv2
 import numpy as np
 import pytest
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.messages import Frame, Truth
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import Frame, Truth
 from adatracker_deploy.perception import mjpeg_server
 from adatracker_deploy.perception.capture import Capture
 from adatracker_deploy.perception.jpeg import decode_jpeg

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.messages import Frame, Truth
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import Frame, Truth
 from adatracker_deploy.perception.noisy_truth import NoisyTruth
 from adatracker_deploy.perception.segmenter import check_observation
 

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.messages import Box, MaskClass, Observation, TargetState
+from adatracker_deploy.core.mask_png import PALETTE
+from adatracker_deploy.core.messages import Box, MaskClass, Observation, TargetState
 from adatracker_deploy.perception.overlay import STATE_COLOURS, WHITE, Drive, overlay, shown_size
-from adatracker_deploy.trial.mask_png import PALETTE
 
 HEIGHT, WIDTH = 480, 640
 PEOPLE = {MaskClass.TARGET: (60, 80), MaskClass.PERSON: (20, 40), MaskClass.OBSTACLE: (110, 130)}

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from streams import until
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.messages import Box, Frame, Observation
+from adatracker_deploy.core.clock import FakeClock
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import Box, Frame, Observation
 from adatracker_deploy.perception import pipeline
 from adatracker_deploy.perception.pipeline import Perception, perceive, refuse_hung
 from adatracker_deploy.perception.segmenter import TruthSegmenter, check_observation
-from adatracker_deploy.runtime.clock import FakeClock
 
 FRAME = Frame(np.zeros((48, 64, 3), np.uint8), 7_000_000_000, 3)
 MASK = np.zeros((160, 160), np.uint8)

@@ -17,7 +17,7 @@ from adatracker_deploy.perception.capture import Capture
 from perception_conversion.calibration import nanodet_input
 
 ROOT = Path(__file__).parents[2]
-FOLDER = Path(str(resources.files("adatracker_deploy.models")))
+FOLDER = Path(str(resources.files("adatracker_deploy.perception.weights")))
 INDEX = yaml.safe_load((FOLDER / "models.yaml").read_text())["models"]
 FILES = {name: (model, entry) for model in INDEX.values() for name, entry in model["files"].items()}
 SHARED = ROOT.parent / "shared" / "data"
@@ -55,7 +55,7 @@ def test_every_model_is_in_the_index_and_in_the_notice():
 def test_models_their_index_and_their_licences_are_in_the_wheel():
     included = {file.distribution_path for file in WheelBuilder(str(ROOT)).recurse_included_files()}
     kept = (*FILES, "models.yaml", "NOTICE", "LICENSE-MIT", "LICENSE-Apache-2.0")
-    assert {f"adatracker_deploy/models/{name}" for name in kept} <= included
+    assert {f"adatracker_deploy/perception/weights/{name}" for name in kept} <= included
 
 
 @pytest.mark.parametrize("name", FILES)

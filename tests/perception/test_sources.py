@@ -11,15 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from streams import film, jpeg, picture
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.perception.camera import without_password
+from adatracker_deploy.core.camera import without_password
+from adatracker_deploy.core.clock import FakeClock
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.perception.file import FileCamera
 from adatracker_deploy.perception.folder import FolderCamera
 from adatracker_deploy.perception.mjpeg import MjpegCamera
 from adatracker_deploy.perception.sources import KNOWN, check_uri, open_source
 from adatracker_deploy.perception.video import VideoCamera
 from adatracker_deploy.perception.zenoh_camera import CompressedImageCamera
-from adatracker_deploy.runtime.clock import FakeClock
 
 
 @pytest.mark.parametrize(
@@ -102,7 +102,7 @@ def test_without_its_library_a_zenoh_camera_is_refused_with_what_to_install(monk
 
 def test_nothing_of_zenoh_is_imported_before_it_is_asked_for():
     code = (
-        "import sys, adatracker_deploy.cli.view, adatracker_deploy.view_run\n"
+        "import sys, adatracker_deploy.cli.view, adatracker_deploy.app.view_run\n"
         "from adatracker_deploy.perception import sources\n"
         "sources.check_uri('zenoh://10.0.0.7:7447/image')\n"
         "assert 'zenoh' not in sys.modules"

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from adatracker_deploy.messages import Frame, MaskClass, TargetState
+from adatracker_deploy.core.messages import Frame, MaskClass, TargetState
 from adatracker_deploy.perception.roles import Instances
 from adatracker_deploy.perception.segmenter import check_observation
 from adatracker_deploy.perception.target.choice import Choice

@@ -12,10 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.messages import Truth
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.mask_png import encode_mask
+from adatracker_deploy.core.messages import Truth
 from adatracker_deploy.perception.truth_wire import decode_truth, encode_truth
-from adatracker_deploy.trial.mask_png import encode_mask
 
 NUMBERS = st.floats(-1e6, 1e6)
 POSES = st.builds(Pose, *[NUMBERS] * 6)

@@ -11,10 +11,10 @@ import pytest
 from rtsp import rtsp_camera
 from streams import film, jpeg, picture, serving, until
 
-from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.perception import live, watch
 from adatracker_deploy.perception.video import VideoCamera
-from adatracker_deploy.runtime.clock import MonotonicClock
 
 CLOCK = MonotonicClock()
 PAUSE = threading.Event()

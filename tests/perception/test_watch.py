@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from streams import picture
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.messages import Frame, Truth
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import Frame, Truth
 from adatracker_deploy.perception.watch import FROZEN_AFTER_S, SILENT_AFTER_S, FrameWatch
 
 TRUTH = Truth(np.zeros((48, 64), np.uint8), Pose(), Pose(), (1.0, 0.0), 1.0, 0.0, collided=False)

@@ -7,16 +7,16 @@ from dataclasses import replace
 
 import pytest
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.messages import MaskClass
-from adatracker_deploy.perception.camera import scene_of
+from adatracker_deploy.core.camera import scene_of
+from adatracker_deploy.core.clock import FakeClock
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import MaskClass
 from adatracker_deploy.perception.pipeline import Perception
 from adatracker_deploy.perception.segmenter import TruthSegmenter
 from adatracker_deploy.perception.world_camera import WorldCamera
 from adatracker_deploy.platform import CameraMount
-from adatracker_deploy.runtime.clock import FakeClock
-from adatracker_deploy.world import World
+from adatracker_deploy.sim import World
 
 MOUNT = CameraMount(pitch_deg=20.0)
 STEP_NS = 50_000_000

@@ -16,7 +16,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from streams import handles, until
 
-from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.perception.compressed_image import (
     IMAGE_CAP_BYTES,
     CompressedImage,
@@ -25,7 +26,6 @@ from adatracker_deploy.perception.compressed_image import (
 from adatracker_deploy.perception.jpeg import decode_jpeg
 from adatracker_deploy.perception.sources import open_source
 from adatracker_deploy.perception.zenoh_session import session_config
-from adatracker_deploy.runtime.clock import MonotonicClock
 
 CLOCK = MonotonicClock()
 KEY = "front/image/compressed"

@@ -7,7 +7,7 @@ import hashlib
 import pytest
 import yaml
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.policy.bundle import load_bundle
 
 

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from adatracker_deploy.limits import Limits
-from adatracker_deploy.platform import Twist
+from adatracker_deploy.config.limits import Limits
+from adatracker_deploy.core.messages import Twist
 from adatracker_deploy.policy.base import FORWARD_YAW, ActionAxis, to_twist
 
 LIMITS = Limits(forward_m_s=2.0, backward_m_s=1.0, yaw_rate_rad_s=0.5, accel_m_s2=2.0, yaw_accel_rad_s2=4.0)

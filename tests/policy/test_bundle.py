@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.policy.base import ActionAxis
 from adatracker_deploy.policy.bundle import load_bundle, read_manifest, write_bundle
 from tests.policy import tiny

@@ -9,7 +9,7 @@ import onnx
 import pytest
 from onnx import helper
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from tests.policy import tiny
 from tests.policy.tampering import refusal, replace_file
 

@@ -6,7 +6,7 @@ from dataclasses import fields
 
 import pytest
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.policy.bundle import Manifest, read_manifest
 from tests.policy.tampering import put, refusal, reseal, write_sealed
 

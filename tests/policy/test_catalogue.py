@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.policy import catalogue
 from adatracker_deploy.policy.catalogue import describe_policies, load_policy
 from tests.policy import tiny
@@ -29,8 +29,7 @@ def test_a_bundle_is_loaded_from_its_folder(tmp_path, monkeypatch, name):
 
 def test_a_shipped_bundle_is_found_and_described_by_name(tmp_path, monkeypatch):
     tiny.Parts().write(tmp_path / "bundles" / "small")
-    (tmp_path / "policy").mkdir()
-    monkeypatch.setattr(catalogue, "__file__", str(tmp_path / "policy" / "catalogue.py"))
+    monkeypatch.setattr(catalogue, "__file__", str(tmp_path / "catalogue.py"))
     assert describe_policies()["small"] == "random weights, 10 Hz"
     assert load_policy("small").info.name == "tiny"
     with pytest.raises(UsageError, match="there are pid, small; or"):

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from adatracker_deploy.messages import MaskClass
+from adatracker_deploy.core.messages import MaskClass
 from adatracker_deploy.policy.drawing import MaskPainter, colour_table
 from adatracker_deploy.policy.manifest import MaskSpec, Palette
 

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.messages import MaskClass, Observation
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.messages import MaskClass, Observation
 from adatracker_deploy.policy.bundle import load_bundle
 from adatracker_deploy.policy.drawing import MaskPainter
 from adatracker_deploy.policy.onnx_policy import OnnxPolicy

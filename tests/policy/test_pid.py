@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.messages import Box, Observation
+from adatracker_deploy.core.messages import Box, Observation
 from adatracker_deploy.policy.pid import FIRST_DISTANCE_M, PidPolicy, bearing_of, distance_of
 
 FIRST = Box(0.5, 0.5, 0.12, 0.4)

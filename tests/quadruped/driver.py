@@ -5,9 +5,10 @@
 
 import sys
 
-from adatracker_deploy.platform import Twist
-from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_quadruped.platform import QuadrupedPlatform
+
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.messages import Twist
 from tests.quadruped.rehearsal import rehearsed, send_for, speed
 
 

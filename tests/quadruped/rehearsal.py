@@ -8,12 +8,13 @@ import subprocess
 import sys
 from pathlib import Path
 
-from adatracker_deploy.platform import Scenario
-from adatracker_deploy.profile import load_profile
-from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_quadruped.platform import QuadrupedPlatform
-from adatracker_quadruped.session import open_session
-from adatracker_quadruped.sitl_keys import SitlKeys
+
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.platform import Scenario
+from adatracker_deploy.registry import load_profile
+from adatracker_quadruped.protocol.rehearsal_keys import SitlKeys
+from adatracker_quadruped.protocol.session import open_session
 from tests.quadruped.routers import publisher_of, until
 
 PERIOD_NS = 20_000_000
@@ -81,7 +82,7 @@ def moved(platform, since, seconds=1.0):
 def by_hand(port):
     """The far end's process as an engineer starts it; gives the process once it is up."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "adatracker_quadruped.sitl", "--listen", f"tcp/127.0.0.1:{port}"],
+        [sys.executable, "-m", "adatracker_quadruped.sim.sitl", "--listen", f"tcp/127.0.0.1:{port}"],
         stdout=subprocess.PIPE,
         text=True,
     )

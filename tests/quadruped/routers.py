@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 import zenoh
 
-from adatracker_quadruped.session import zenoh_config
+from adatracker_quadruped.protocol.session import zenoh_config
 
 
 def free_port():

@@ -13,20 +13,20 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-
-from adatracker_deploy.errors import PlatformError, UsageError
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.messages import MaskClass, Truth
-from adatracker_deploy.perception.camera import OPEN_TIMEOUT_S
-from adatracker_deploy.perception.compressed_image import CompressedImage
-from adatracker_deploy.runtime.clock import MonotonicClock
-from adatracker_quadruped.camera import ZenohCamera
-from adatracker_quadruped.camera_topic import with_camera
-from adatracker_quadruped.keys import Keys
-from adatracker_quadruped.messages import encode_compressed_image
-from adatracker_quadruped.outlet import Outlet
 from adatracker_quadruped.platform import QuadrupedPlatform
-from adatracker_quadruped.sitl_keys import Fault, SitlKeys, encode_stamped_truth
+
+from adatracker_deploy.core.camera import OPEN_TIMEOUT_S
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.errors import PlatformError, UsageError
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import MaskClass, Truth
+from adatracker_deploy.perception.compressed_image import CompressedImage
+from adatracker_quadruped.adapter.camera import ZenohCamera
+from adatracker_quadruped.protocol.camera_topic import with_camera
+from adatracker_quadruped.protocol.keys import Keys
+from adatracker_quadruped.protocol.messages import encode_compressed_image
+from adatracker_quadruped.protocol.publisher import Outlet
+from adatracker_quadruped.protocol.rehearsal_keys import Fault, SitlKeys, encode_stamped_truth
 from tests.quadruped.rehearsal import far_end, goes_wrong, rehearsed
 from tests.quadruped.routers import free_port, robot, until
 
@@ -305,8 +305,8 @@ def test_a_camera_can_be_closed_while_it_opens(rehearsal):
 def test_a_camera_that_is_never_closed_lets_the_interpreter_end(rehearsal):
     _, profile, _ = rehearsal
     forgetful = (
-        "from adatracker_deploy.runtime.clock import MonotonicClock\n"
-        "from adatracker_quadruped.camera import ZenohCamera\n"
+        "from adatracker_deploy.core.clock import MonotonicClock\n"
+        "from adatracker_quadruped.adapter.camera import ZenohCamera\n"
         "from tests.quadruped.rehearsal import rehearsed\n"
         f"camera = ZenohCamera(rehearsed(endpoint={profile.connection.endpoint!r}), MonotonicClock())\n"
         "camera.open()\n"

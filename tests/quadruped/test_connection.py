@@ -4,9 +4,9 @@ import dataclasses
 
 import pytest
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.schema import parse
-from adatracker_quadruped.connection import Connection, Tls
+from adatracker_deploy.config.schema import parse
+from adatracker_deploy.core.errors import UsageError
+from adatracker_quadruped.protocol.connection import Connection, Tls
 
 
 def test_a_profile_is_read_into_it():

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.geometry import Pose, wrap_angle
-from adatracker_deploy.platform import ZERO, Twist
-from adatracker_quadruped.body import QuadrupedBody
-from adatracker_quadruped.settings import GaitSettings, SitlSettings
+from adatracker_deploy.core.geometry import Pose, wrap_angle
+from adatracker_deploy.core.messages import ZERO, Twist
+from adatracker_quadruped.sim.dynamics import QuadrupedBody
+from adatracker_quadruped.sim.settings import GaitSettings, SitlSettings
 
 FIRM = SitlSettings(slip=0.0)
 STEP_S = 0.01

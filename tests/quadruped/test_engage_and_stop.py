@@ -6,15 +6,16 @@ import math
 import threading
 
 import pytest
-
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.platform import ZERO, Scenario, Twist
-from adatracker_deploy.profile import load_profile
-from adatracker_deploy.runtime.clock import MonotonicClock
-from adatracker_quadruped.lease import Lease
-from adatracker_quadruped.messages import Odometry, encode_odometry, in_body, in_odom
 from adatracker_quadruped.platform import QuadrupedPlatform
+
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import ZERO, Twist
+from adatracker_deploy.platform import Scenario
+from adatracker_deploy.registry import load_profile
+from adatracker_quadruped.adapter.lease import Lease
+from adatracker_quadruped.protocol.messages import Odometry, encode_odometry, in_body, in_odom
 from tests.quadruped.rehearsal import connected, far_end, send_for, speed
 from tests.quadruped.routers import until
 

@@ -6,16 +6,15 @@ import random
 import pytest
 import zenoh
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.geometry import Pose
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import ZERO
 from adatracker_deploy.perception.compressed_image import CompressedImage
-from adatracker_deploy.platform import ZERO
-from adatracker_deploy.runtime.clock import MonotonicClock
-from adatracker_quadruped.camera import ZenohCamera
-from adatracker_quadruped.camera_topic import with_camera
-from adatracker_quadruped.hostile import payloads
-from adatracker_quadruped.keys import Keys
-from adatracker_quadruped.messages import (
+from adatracker_quadruped.adapter.camera import ZenohCamera
+from adatracker_quadruped.protocol.camera_topic import with_camera
+from adatracker_quadruped.protocol.keys import Keys
+from adatracker_quadruped.protocol.messages import (
     Imu,
     Odometry,
     encode_battery,
@@ -24,8 +23,9 @@ from adatracker_quadruped.messages import (
     encode_odometry,
     encode_twist,
 )
-from adatracker_quadruped.session import open_session
-from adatracker_quadruped.sitl_keys import SitlKeys
+from adatracker_quadruped.protocol.rehearsal_keys import SitlKeys
+from adatracker_quadruped.protocol.session import open_session
+from adatracker_quadruped.sim.fuzz import payloads
 from tests.quadruped.rehearsal import connected, far_end, memory_kb, moved
 from tests.quadruped.routers import until
 

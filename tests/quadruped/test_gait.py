@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.geometry import Pose
-from adatracker_quadruped.gait import Gait
-from adatracker_quadruped.settings import GaitSettings
+from adatracker_deploy.core.geometry import Pose
+from adatracker_quadruped.sim.gait import Gait
+from adatracker_quadruped.sim.settings import GaitSettings
 
 EVEN = GaitSettings(uneven_m=0.0)
 STEP_S = 0.01

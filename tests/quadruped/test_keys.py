@@ -9,10 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
-from adatracker_quadruped import keys, protocol, sport
-from adatracker_quadruped.connection import Connection
-from adatracker_quadruped.keys import Keys, attachment, parse_attachment
-from adatracker_quadruped.messages import Malformed
+from adatracker_quadruped.protocol import cdr as protocol
+from adatracker_quadruped.protocol import keys, sport
+from adatracker_quadruped.protocol.connection import Connection
+from adatracker_quadruped.protocol.keys import Keys, attachment, parse_attachment
+from adatracker_quadruped.protocol.messages import Malformed
 
 PUBLISHED = {
     "geometry_msgs/msg/Twist": "9c45bf16fe0983d80e3cfe750d6835843d265a9a6c46bd2e609fcddde6fb8d2a",

@@ -8,12 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.geometry import Pose
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import Twist
 from adatracker_deploy.perception.compressed_image import CompressedImage
-from adatracker_deploy.platform import Twist
-from adatracker_quadruped import messages, parts
-from adatracker_quadruped.messages import Imu, Malformed, Odometry
+from adatracker_quadruped.protocol import messages
+from adatracker_quadruped.protocol import ros_types as parts
+from adatracker_quadruped.protocol.messages import Imu, Malformed, Odometry
 from tests.quadruped import cdr
 
 speeds = st.floats(-parts.FASTEST, parts.FASTEST)

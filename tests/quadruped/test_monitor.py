@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.platform import ZERO
-from adatracker_deploy.runtime.clock import FakeClock
-from adatracker_quadruped.messages import Malformed, Odometry, decode_odometry, encode_odometry
-from adatracker_quadruped.watch import Fresh
+from adatracker_deploy.core.clock import FakeClock
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import ZERO
+from adatracker_quadruped.adapter.monitor import Fresh
+from adatracker_quadruped.protocol.messages import Malformed, Odometry, decode_odometry, encode_odometry
 
 
 def said(stamp_ns):

@@ -6,14 +6,14 @@ import time
 
 import pytest
 import zenoh
-
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.platform import Twist
-from adatracker_deploy.runtime.clock import MonotonicClock
-from adatracker_quadruped.connection import Connection
-from adatracker_quadruped.lease import SETTLE_S, Lease
 from adatracker_quadruped.platform import QuadrupedPlatform
-from adatracker_quadruped.session import open_session
+
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import Twist
+from adatracker_quadruped.adapter.lease import SETTLE_S, Lease
+from adatracker_quadruped.protocol.connection import Connection
+from adatracker_quadruped.protocol.session import open_session
 from tests.quadruped.rehearsal import connected, far_end, send_for
 from tests.quadruped.routers import free_port, robot, until
 from tests.race import owners, race

@@ -8,19 +8,19 @@ import threading
 import time
 
 import pytest
-
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.perception.zenoh_session import dial
-from adatracker_deploy.platform import ZERO, Twist
-from adatracker_deploy.runtime.clock import MonotonicClock
-from adatracker_quadruped.connection import Connection
-from adatracker_quadruped.keys import Keys
-from adatracker_quadruped.messages import Odometry, encode_odometry
-from adatracker_quadruped.outlet import Outlet
 from adatracker_quadruped.platform import QuadrupedPlatform
-from adatracker_quadruped.sitl_keys import Fault
-from adatracker_quadruped.wire import Wire
+
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import ZERO, Twist
+from adatracker_deploy.perception.zenoh_session import dial
+from adatracker_quadruped.adapter.transport import Wire
+from adatracker_quadruped.protocol.connection import Connection
+from adatracker_quadruped.protocol.keys import Keys
+from adatracker_quadruped.protocol.messages import Odometry, encode_odometry
+from adatracker_quadruped.protocol.publisher import Outlet
+from adatracker_quadruped.protocol.rehearsal_keys import Fault
 from tests.other_machine import OfAnotherMachine
 from tests.quadruped.rehearsal import (
     by_hand,
@@ -154,7 +154,7 @@ def test_the_preflight_refuses_a_robot_that_is_not_fit(fault, check):
 
 
 def test_a_second_host_is_refused_until_the_first_has_left(monkeypatch):
-    monkeypatch.setattr("adatracker_quadruped.wire.Claim", OfAnotherMachine)
+    monkeypatch.setattr("adatracker_quadruped.adapter.transport.Claim", OfAnotherMachine)
     with far_end() as (_, profile):
         with connected(profile) as first:
             with QuadrupedPlatform(profile, MonotonicClock()) as second:
@@ -194,7 +194,7 @@ def test_closing_while_another_thread_disengages_is_no_error(monkeypatch):
             if len(pauses) == 3:
                 platform.close()
 
-        monkeypatch.setattr("adatracker_quadruped.platform.time.sleep", closes_after_the_last_zero)
+        monkeypatch.setattr("adatracker_quadruped.adapter.adapter.time.sleep", closes_after_the_last_zero)
         platform.disengage()
         assert not platform.state().engaged
 

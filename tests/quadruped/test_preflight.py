@@ -5,8 +5,8 @@ import math
 
 import pytest
 
-from adatracker_quadruped.connection import Connection
-from adatracker_quadruped.preflight import Heard, judge
+from adatracker_quadruped.adapter.preflight import Heard, judge
+from adatracker_quadruped.protocol.connection import Connection
 
 FIT = Heard(
     command_key="cmd_vel",

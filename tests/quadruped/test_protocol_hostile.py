@@ -11,13 +11,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.geometry import Pose
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import Twist
 from adatracker_deploy.perception.compressed_image import IMAGE_CAP_BYTES, CompressedImage
-from adatracker_deploy.platform import Twist
-from adatracker_quadruped import messages, protocol, sport
-from adatracker_quadruped.hostile import mutate
-from adatracker_quadruped.keys import attachment, parse_attachment
-from adatracker_quadruped.messages import Imu, Malformed, Odometry
+from adatracker_quadruped.protocol import cdr as protocol
+from adatracker_quadruped.protocol import messages, sport
+from adatracker_quadruped.protocol.keys import attachment, parse_attachment
+from adatracker_quadruped.protocol.messages import Imu, Malformed, Odometry
+from adatracker_quadruped.sim.fuzz import mutate
 from tests.quadruped import cdr
 
 WALK = Twist(vx=0.5, vy=-0.1, yaw_rate=0.3)

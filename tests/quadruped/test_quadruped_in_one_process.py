@@ -5,14 +5,14 @@ import threading
 from typing import ClassVar
 
 import pytest
-
-from adatracker_deploy.far_end import Orders
-from adatracker_deploy.platform import Sitl
-from adatracker_deploy.testing.conformance import PlatformConformance
-from adatracker_quadruped.camera_topic import with_camera
-from adatracker_quadruped.far_end import FarEnd, Robot
 from adatracker_quadruped.platform import QuadrupedPlatform
-from adatracker_quadruped.sitl_keys import ON_DEMAND
+
+from adatracker_deploy.platform import Sitl
+from adatracker_deploy.sim.process import Orders
+from adatracker_deploy.testing.conformance import PlatformConformance
+from adatracker_quadruped.protocol.camera_topic import with_camera
+from adatracker_quadruped.protocol.rehearsal_keys import ON_DEMAND
+from adatracker_quadruped.sim.simulator import FarEnd, Robot
 from tests.quadruped.rehearsal import rehearsed
 from tests.quadruped.routers import free_port
 from tests.quadruped.test_platform_sitl import TWIST
@@ -56,7 +56,7 @@ class TestQuadrupedInOneProcess(PlatformConformance):
     platform_class = InOneProcess
     clock_speed = 2.0
     manual: ClassVar = TWIST
-    says = "adatracker_quadruped.outlet:Outlet.put"
+    says = "adatracker_quadruped.protocol.publisher:Outlet.put"
 
     @pytest.fixture(scope="class")
     @classmethod

@@ -9,14 +9,15 @@ import socket
 import pytest
 import zenoh
 
-from adatracker_deploy.geometry import Pose
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import Twist
 from adatracker_deploy.perception.compressed_image import CompressedImage
-from adatracker_deploy.platform import Twist
-from adatracker_quadruped import messages, protocol
-from adatracker_quadruped.connection import Connection
-from adatracker_quadruped.keys import Keys
-from adatracker_quadruped.messages import Imu, Odometry
-from adatracker_quadruped.session import open_session, zenoh_config
+from adatracker_quadruped.protocol import cdr as protocol
+from adatracker_quadruped.protocol import messages
+from adatracker_quadruped.protocol.connection import Connection
+from adatracker_quadruped.protocol.keys import Keys
+from adatracker_quadruped.protocol.messages import Imu, Odometry
+from adatracker_quadruped.protocol.session import open_session, zenoh_config
 from tests.quadruped import cdr
 
 rclpy = pytest.importorskip(

@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.platform import ZERO, Twist
-from adatracker_deploy.runtime.clock import MonotonicClock
-from adatracker_quadruped.connection import Tls
-from adatracker_quadruped.messages import Odometry, decode_twist, encode_odometry
-from adatracker_quadruped.outlet import Outlet
-from adatracker_quadruped.session import open_session
-from adatracker_quadruped.wire import Wire
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import ZERO, Twist
+from adatracker_quadruped.adapter.transport import Wire
+from adatracker_quadruped.protocol.connection import Tls
+from adatracker_quadruped.protocol.messages import Odometry, decode_twist, encode_odometry
+from adatracker_quadruped.protocol.publisher import Outlet
+from adatracker_quadruped.protocol.session import open_session
 from tests.quadruped.certificates import issue
 from tests.quadruped.rehearsal import rehearsed
 from tests.quadruped.routers import free_port, latest, until

@@ -12,10 +12,10 @@ from dataclasses import replace
 import pytest
 import zenoh
 
-from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.perception.compressed_image import IMAGE_CAP_BYTES
-from adatracker_quadruped.connection import Connection
-from adatracker_quadruped.session import open_session, zenoh_config
+from adatracker_quadruped.protocol.connection import Connection
+from adatracker_quadruped.protocol.session import open_session, zenoh_config
 from tests.quadruped.routers import arrives, free_port, latest, publisher_of, robot, until
 
 

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from adatracker_deploy.errors import PlatformError, UsageError
-from adatracker_quadruped.connection import Connection, Tls
-from adatracker_quadruped.session import open_session
+from adatracker_deploy.core.errors import PlatformError, UsageError
+from adatracker_quadruped.protocol.connection import Connection, Tls
+from adatracker_quadruped.protocol.session import open_session
 from tests.quadruped.certificates import issue
 from tests.quadruped.routers import arrives, free_port, latest, publisher_of, robot
 

@@ -5,17 +5,18 @@ import sys
 import time
 
 import pytest
-
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.platform import Scenario, Twist
-from adatracker_deploy.runtime.clock import MonotonicClock
-from adatracker_quadruped.commander import Commander
-from adatracker_quadruped.keys import Keys
-from adatracker_quadruped.messages import decode_imu, decode_odometry
 from adatracker_quadruped.platform import QuadrupedPlatform
-from adatracker_quadruped.protocol import SMALL_CAP_BYTES
-from adatracker_quadruped.session import open_session
-from adatracker_quadruped.tap import Tap
+
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.messages import Twist
+from adatracker_deploy.platform import Scenario
+from adatracker_quadruped.adapter.command_publisher import Commander
+from adatracker_quadruped.adapter.subscriber import Tap
+from adatracker_quadruped.protocol.cdr import SMALL_CAP_BYTES
+from adatracker_quadruped.protocol.keys import Keys
+from adatracker_quadruped.protocol.messages import decode_imu, decode_odometry
+from adatracker_quadruped.protocol.session import open_session
 from tests.quadruped.rehearsal import by_hand, connected, far_end, rehearsed, send_for, speed
 from tests.quadruped.routers import free_port, until
 
@@ -26,7 +27,7 @@ WALK = Twist(vx=1.0)
 
 def started(*arguments):
     return subprocess.run(
-        [sys.executable, "-m", "adatracker_quadruped.sitl", *arguments],
+        [sys.executable, "-m", "adatracker_quadruped.sim.sitl", *arguments],
         capture_output=True,
         text=True,
         check=False,

@@ -10,13 +10,13 @@ import time
 
 import pytest
 
-from adatracker_deploy.platform import Twist
-from adatracker_deploy.runtime.clock import MonotonicClock
-from adatracker_quadruped.commander import Commander
-from adatracker_quadruped.messages import decode_odometry
-from adatracker_quadruped.protocol import SMALL_CAP_BYTES
-from adatracker_quadruped.session import open_session
-from adatracker_quadruped.tap import Tap
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.messages import Twist
+from adatracker_quadruped.adapter.command_publisher import Commander
+from adatracker_quadruped.adapter.subscriber import Tap
+from adatracker_quadruped.protocol.cdr import SMALL_CAP_BYTES
+from adatracker_quadruped.protocol.messages import decode_odometry
+from adatracker_quadruped.protocol.session import open_session
 from tests.quadruped.rehearsal import far_end
 from tests.quadruped.routers import until
 

@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.platform import Twist
-from adatracker_quadruped import parts, sport
-from adatracker_quadruped.messages import Malformed
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import Twist
+from adatracker_quadruped.protocol import ros_types as parts
+from adatracker_quadruped.protocol import sport
+from adatracker_quadruped.protocol.messages import Malformed
 from tests.quadruped import cdr
 
 LAYOUT = cdr.LAYOUTS["Request"]

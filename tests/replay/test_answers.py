@@ -7,14 +7,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from adatracker_deploy.messages import Action
+from adatracker_deploy.core.messages import Action
+from adatracker_deploy.core.record import Latency
 from adatracker_deploy.policy.bundle import load_bundle
 from adatracker_deploy.policy.onnx_policy import OnnxPolicy
 from adatracker_deploy.policy.pid import PidPolicy
 from adatracker_deploy.replay.answers import Gap, answer_again
 from adatracker_deploy.replay.compare import Difference, first_difference
 from adatracker_deploy.trial.reader import LoggedMask, read_trial
-from adatracker_deploy.trial.record import Latency
 from adatracker_deploy.trial.step_json import step_from_json, step_to_json
 from tests.policy import tiny
 from tests.replay.trials import SEED, logged, observations

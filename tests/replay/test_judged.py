@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.platform import Twist
+from adatracker_deploy.core.messages import Twist
 from adatracker_deploy.replay.compare import Spread, apart
 from adatracker_deploy.replay.judged import judge_again, without_gaps
 from adatracker_deploy.replay.view import ranges

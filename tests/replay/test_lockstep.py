@@ -10,15 +10,14 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adatracker_deploy.dry_run import DryRun
-from adatracker_deploy.messages import Frame
-from adatracker_deploy.perception.pipeline import Seen
+from adatracker_deploy.core.clock import FakeClock
+from adatracker_deploy.core.messages import Frame, Seen
 from adatracker_deploy.policy.bundle import load_bundle
 from adatracker_deploy.policy.onnx_policy import OnnxPolicy
-from adatracker_deploy.profile import load_profile
+from adatracker_deploy.registry import load_profile
 from adatracker_deploy.replay.judged import SLOT_NS
 from adatracker_deploy.replay.trial_again import ask_again, gate_again
-from adatracker_deploy.runtime.clock import FakeClock
+from adatracker_deploy.runtime.dry_run import DryRun
 from adatracker_deploy.runtime.gate import Setpoint
 from adatracker_deploy.runtime.link import Link
 from adatracker_deploy.runtime.loop import Loop

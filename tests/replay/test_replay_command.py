@@ -14,7 +14,7 @@ from adatracker_deploy.cli import main
 from adatracker_deploy.policy.bundle import load_bundle
 from adatracker_deploy.policy.onnx_policy import OnnxPolicy
 from adatracker_deploy.policy.pid import PidPolicy
-from adatracker_deploy.profile import profile_dir
+from adatracker_deploy.registry import profile_dir
 from tests.policy import tiny
 from tests.replay.trials import logged, observations
 

@@ -8,11 +8,10 @@ from dataclasses import asdict
 import numpy as np
 import yaml
 
-from adatracker_deploy.limits import Limits
-from adatracker_deploy.messages import Box, Observation
-from adatracker_deploy.platform import ZERO
+from adatracker_deploy.config.limits import Limits
+from adatracker_deploy.core.messages import ZERO, Box, Observation
+from adatracker_deploy.core.record import Latency
 from adatracker_deploy.policy.base import to_twist
-from adatracker_deploy.trial.record import Latency
 from adatracker_deploy.trial.step_json import STEP_FORMAT
 from adatracker_deploy.trial.trial_file import TrialFile
 from tests.trial.records import START_NS, a_step

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from adatracker_deploy.messages import Box
+from adatracker_deploy.core.messages import Box
 from adatracker_deploy.report.columns import Stretch, columns
 from tests.trial.records import REFERENCE, a_step
 

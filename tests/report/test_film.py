@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from adatracker_deploy.cli import main
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.messages import Twist
 from adatracker_deploy.perception.capture import Capture
 from adatracker_deploy.perception.overlay import shown_size
-from adatracker_deploy.platform import Twist
+from adatracker_deploy.report.film import film_rate_hz, shots
 from adatracker_deploy.trial.reader import read_trial
-from adatracker_deploy.trial_film import film_rate_hz, shots
 from tests.report.pages import write_trial
 from tests.trial.records import START_NS, TICK_NS, a_frame, a_log, a_step, a_trial, an_observation
 

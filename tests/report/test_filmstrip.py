@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from adatracker_deploy.cli import main
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.trial.filmstrip import GREEN, LOST, STALE, film_strip
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.report.filmstrip import GREEN, LOST, STALE, film_strip
 from adatracker_deploy.trial.reader import read_trial
 from tests.trial.records import a_frame, a_log, a_step, a_trial, an_observation
 

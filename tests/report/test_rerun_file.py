@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from adatracker_deploy.cli import main
-from adatracker_deploy.platform import Twist
+from adatracker_deploy.core.messages import Twist
+from adatracker_deploy.report.rerun_file import all_series
 from adatracker_deploy.trial.reader import read_trial
-from adatracker_deploy.trial.rerun_file import all_series
 from tests.trial.records import START_NS, TICK_NS, a_frame, a_log, a_step, a_trial, an_observation
 
 

@@ -12,10 +12,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.platform import PlatformState, Twist
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.messages import PlatformState, Twist
 from adatracker_deploy.runtime import black_box
 from adatracker_deploy.runtime.black_box import BlackBox, read_black_box
-from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_deploy.runtime.gate import Setpoint
 from adatracker_deploy.runtime.link import LinkStatus, Phase
 from adatracker_deploy.runtime.link_process import LinkProcess

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from adatracker_deploy.messages import Action, Observation
+from adatracker_deploy.core.messages import Action, Observation
 from adatracker_deploy.policy.base import FORWARD_YAW, PolicyInfo
 from adatracker_deploy.runtime.cadence import Cadence
 

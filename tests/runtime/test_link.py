@@ -8,10 +8,10 @@ from typing import ClassVar
 
 import pytest
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.platform import ZERO, Twist
-from adatracker_deploy.runtime.clock import FakeClock
+from adatracker_deploy.core.clock import FakeClock
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import ZERO, Twist
 from adatracker_deploy.runtime.gate import Reason, Setpoint
 from adatracker_deploy.runtime.link import RATE_HZ, Acted, Link, Phase
 from adatracker_deploy.runtime.link_process import wall_timeouts

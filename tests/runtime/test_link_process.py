@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.platform import Twist
-from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import Twist
 from adatracker_deploy.runtime.link import Phase
 from adatracker_deploy.runtime.link_process import LinkProcess
 from adatracker_deploy.testing.fake import FakeConnection, FakePlatform, fake_profile

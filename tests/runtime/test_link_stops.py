@@ -10,8 +10,8 @@ from dataclasses import replace
 import pytest
 from test_link import GO, Rig
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.platform import ZERO
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import ZERO
 from adatracker_deploy.runtime.gate import Reason
 from adatracker_deploy.runtime.link import Link, Phase
 from adatracker_deploy.testing.fake import FakeConnection, FakePlatform

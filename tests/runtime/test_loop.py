@@ -10,12 +10,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.messages import Action, Box, Frame, Observation, Truth
-from adatracker_deploy.perception.pipeline import Seen
-from adatracker_deploy.platform import ZERO, Limits, PlatformState, Twist
+from adatracker_deploy.config.limits import Limits
+from adatracker_deploy.core.clock import FakeClock
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import (
+    ZERO,
+    Action,
+    Box,
+    Frame,
+    Observation,
+    PlatformState,
+    Seen,
+    Truth,
+    Twist,
+)
 from adatracker_deploy.policy.base import FORWARD_YAW, PolicyInfo
-from adatracker_deploy.runtime.clock import FakeClock
 from adatracker_deploy.runtime.link import Acted, LinkStatus, Phase
 from adatracker_deploy.runtime.loop import BLIND_S, MISSED_IN_A_ROW, STALE_OBSERVATION_S, Ending, Loop
 

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.platform import PlatformState, Twist
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import PlatformState, Twist
 from adatracker_deploy.runtime.gate import Setpoint
 from adatracker_deploy.runtime.link import Acted, LinkStatus, Phase
 from adatracker_deploy.runtime.mailbox import Mailbox

@@ -5,7 +5,7 @@ import uuid
 
 import pytest
 
-from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.runtime.ownership import Claim
 
 HOLD = """

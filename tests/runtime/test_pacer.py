@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.runtime.clock import FakeClock, MonotonicClock
+from adatracker_deploy.core.clock import FakeClock, MonotonicClock
 from adatracker_deploy.runtime.pacer import Pacer
 
 

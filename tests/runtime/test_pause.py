@@ -9,8 +9,8 @@ import time
 
 import pytest
 
-from adatracker_deploy.runtime import pause
-from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_deploy.core import pause
+from adatracker_deploy.core.clock import MonotonicClock
 
 SLEPT_NS = 2_000_000_000
 

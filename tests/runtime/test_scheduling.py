@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.runtime.link_process import LinkProcess
 from adatracker_deploy.runtime.scheduling import (
     BESIDE_PRIORITY,

@@ -9,9 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.messages import Frame, Observation
-from adatracker_deploy.perception.pipeline import Seen
-from adatracker_deploy.platform import ZERO, PlatformState, Twist
+from adatracker_deploy.core.messages import ZERO, Frame, Observation, PlatformState, Seen, Twist
 from adatracker_deploy.runtime.link import Acted, LinkStatus, Phase
 from adatracker_deploy.runtime.trace import PATIENCE_TICKS, Trace
 from tests.trial.records import a_step

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.messages import Box
-from adatracker_deploy.trial.box_file import BoxOptions, BoxTrack, read_boxes
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.messages import Box
+from adatracker_deploy.scoring.box_file import BoxOptions, BoxTrack, read_boxes
 
 SIZE = BoxOptions(image_size=(100, 50))
 BOX = Box(0.2, 0.6, 0.2, 0.4)

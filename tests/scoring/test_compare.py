@@ -7,9 +7,9 @@ import json
 import pytest
 
 from adatracker_deploy.cli import main
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.stats.intervals import mean_estimate
-from adatracker_deploy.trial.compare import compare
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.scoring.compare import compare
+from adatracker_deploy.scoring.stats.intervals import mean_estimate
 from tests.trial.records import a_step, a_trial
 
 GOOD, BAD = (0.95, 0.93, 0.96, 0.94, 0.92), (0.45, 0.40, 0.62, 0.51, 0.33)

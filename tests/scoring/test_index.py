@@ -9,8 +9,8 @@ import json
 import pytest
 
 from adatracker_deploy.cli import main
-from adatracker_deploy.trial import index as index_module
-from adatracker_deploy.trial.index import index
+from adatracker_deploy.scoring import index as index_module
+from adatracker_deploy.scoring.index import index
 from tests.report.pages import write_trial
 from tests.trial.records import a_log, a_step, a_trial
 

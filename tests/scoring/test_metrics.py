@@ -8,17 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.messages import Box
-from adatracker_deploy.trial.metrics import (
-    DEFAULT_RULES,
-    MAX_LOST_STEPS,
-    Rules,
-    Scorer,
-    box_reward,
-    score_boxes,
-    step_reward,
-    target_visible,
-)
+from adatracker_deploy.core.messages import Box
+from adatracker_deploy.core.task import MAX_LOST_STEPS, step_reward, target_visible
+from adatracker_deploy.scoring.metrics import DEFAULT_RULES, Rules, Scorer, box_reward, score_boxes
 from tests.trial.records import REFERENCE, a_step
 
 fraction = st.floats(0, 1)

@@ -8,15 +8,15 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from adatracker_deploy.trial.compare import compare
-from adatracker_deploy.trial.compare_view import comparison_table
-from adatracker_deploy.trial.latex import real_world_table
-from adatracker_deploy.trial.record import Latency
-from adatracker_deploy.trial.stage_table import stage_table
-from adatracker_deploy.trial.stages import STAGES
-from adatracker_deploy.trial.summary import summarise_set
-from adatracker_deploy.trial.summary_table import summary_table
-from adatracker_deploy.trial.tally import Tally
+from adatracker_deploy.core.record import Latency
+from adatracker_deploy.scoring.compare import compare
+from adatracker_deploy.scoring.compare_view import comparison_table
+from adatracker_deploy.scoring.latex import real_world_table
+from adatracker_deploy.scoring.stage_table import stage_table
+from adatracker_deploy.scoring.stages import STAGES
+from adatracker_deploy.scoring.summary import summarise_set
+from adatracker_deploy.scoring.summary_table import summary_table
+from adatracker_deploy.scoring.tally import Tally
 from tests.trial.records import REFERENCE, TICK_NS, a_step
 
 CONTRACT = {

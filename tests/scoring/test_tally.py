@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.trial.metrics import Rules
-from adatracker_deploy.trial.tally import Tally
+from adatracker_deploy.scoring.metrics import Rules
+from adatracker_deploy.scoring.tally import Tally
 from tests.trial.records import REFERENCE, TICK_NS, a_step, scored
 
 ABOUT = {

@@ -6,9 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.platform import CameraMount, Twist
-from adatracker_deploy.world.bodies import DriveSettings, KinematicBody
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import Twist
+from adatracker_deploy.platform import CameraMount
+from adatracker_deploy.sim.bodies import DriveSettings, KinematicBody
 
 
 def body(**settings) -> KinematicBody:

@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.messages import Box, MaskClass
-from adatracker_deploy.world import World, scene_names
-from adatracker_deploy.world.camera import Camera, pixel_rays
-from adatracker_deploy.world.caster import Rays
-from adatracker_deploy.world.person import HEIGHT_M, Gait
-from adatracker_deploy.world.scene import Ground, Lap, Part, Scene, Thing
-from adatracker_deploy.world.stage import Stage
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import Box, MaskClass
+from adatracker_deploy.sim import World, scene_names
+from adatracker_deploy.sim.camera import Camera, pixel_rays
+from adatracker_deploy.sim.caster import Rays
+from adatracker_deploy.sim.person import HEIGHT_M, Gait
+from adatracker_deploy.sim.scene import Ground, Lap, Part, Scene, Thing
+from adatracker_deploy.sim.stage import Stage
 
 RIGHT_ANGLE = math.pi / 2
 GREEN = (0.1, 0.8, 0.1)

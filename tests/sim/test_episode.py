@@ -6,13 +6,14 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from adatracker_deploy.messages import Action
-from adatracker_deploy.platform import CameraMount, Limits, Twist
+from adatracker_deploy.config.limits import Limits
+from adatracker_deploy.core.messages import Action, Twist
+from adatracker_deploy.platform import CameraMount
 from adatracker_deploy.policy.base import FORWARD_YAW, PolicyInfo
-from adatracker_deploy.world import World
-from adatracker_deploy.world.bodies import DriveSettings, KinematicBody
-from adatracker_deploy.world.episode import EpisodeResult, run_episode
-from adatracker_deploy.world.task import Task, TaskSettings
+from adatracker_deploy.sim import World
+from adatracker_deploy.sim.bodies import DriveSettings, KinematicBody
+from adatracker_deploy.sim.episode import EpisodeResult, run_episode
+from adatracker_deploy.sim.task import Task, TaskSettings
 
 LIMITS = Limits(
     forward_m_s=2.0, backward_m_s=2.0, yaw_rate_rad_s=math.pi / 2, accel_m_s2=5.0, yaw_accel_rad_s2=10.0

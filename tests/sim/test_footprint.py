@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.world.footprint import FreeSpace, Solid
+from adatracker_deploy.sim.footprint import FreeSpace, Solid
 
 COLUMN = Solid(x=2.0, y=0.0, radius=0.5, top=1.0)
 TURNED_BOX = Solid(x=-3.0, y=1.0, yaw=math.pi / 4, half_x=1.0, half_y=0.5, top=1.0)

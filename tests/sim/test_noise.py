@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adatracker_deploy.messages import MaskClass
-from adatracker_deploy.world.noise import NOISE, MaskNoise, NoiseSettings
+from adatracker_deploy.core.messages import MaskClass
+from adatracker_deploy.sim.noise import NOISE, MaskNoise, NoiseSettings
 
 STEPS = 4000
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adatracker_deploy.geometry import wrap_angle
-from adatracker_deploy.world.path import (
+from adatracker_deploy.core.geometry import wrap_angle
+from adatracker_deploy.sim.path import (
     BERTH_M,
     TURN_RATE_RAD_S,
     Crosser,
@@ -18,8 +18,8 @@ from adatracker_deploy.world.path import (
     UTurnWalk,
     lap_course,
 )
-from adatracker_deploy.world.scene import Lap
-from adatracker_deploy.world.scenes import build_scene, scene_names
+from adatracker_deploy.sim.scene import Lap
+from adatracker_deploy.sim.scenes import build_scene, scene_names
 
 SEEDS = st.integers(0, 2**32 - 1)
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.world.person import HEIGHT_M, LIMBS, Gait, posture
+from adatracker_deploy.sim.person import HEIGHT_M, LIMBS, Gait, posture
 
 FEET = [index for index, limb in enumerate(LIMBS) if limb.role == "shoes"]
 GAITS = st.builds(Gait, st.floats(0, math.tau), st.floats(0, 4))

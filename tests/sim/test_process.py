@@ -5,8 +5,8 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.far_end import FarEndProcess, Orders
-from adatracker_deploy.platform import Twist
+from adatracker_deploy.core.messages import Twist
+from adatracker_deploy.sim.process import FarEndProcess, Orders
 
 
 def test_faults_begin_and_end_and_every_listener_hears_of_it():

@@ -9,11 +9,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from adatracker_deploy.messages import MaskClass
-from adatracker_deploy.platform import CameraMount, Scenario, Twist
-from adatracker_deploy.runtime.clock import FakeClock
-from adatracker_deploy.world.bodies import DriveSettings, KinematicBody
-from adatracker_deploy.world.rehearsal import Rehearsal, Studio, film
+from adatracker_deploy.core.clock import FakeClock
+from adatracker_deploy.core.messages import MaskClass, Twist
+from adatracker_deploy.platform import CameraMount, Scenario
+from adatracker_deploy.sim.bodies import DriveSettings, KinematicBody
+from adatracker_deploy.sim.rehearsal import Rehearsal, Studio, film
 
 FOV_RAD = math.radians(90)
 STEP_S = 0.05

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from adatracker_deploy.world.caster import Caster, Rays
-from adatracker_deploy.world.scenes import build_scene
-from adatracker_deploy.world.terrain import FLAT, Terrain
+from adatracker_deploy.sim.caster import Caster, Rays
+from adatracker_deploy.sim.scenes import build_scene
+from adatracker_deploy.sim.terrain import FLAT, Terrain
 
 VILLAGE = build_scene("snow_village", np.random.default_rng(0))
 GROUND = Caster.of_surfaces(VILLAGE)

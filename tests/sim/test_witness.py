@@ -8,8 +8,8 @@ import os
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.faults.witness import Account, Told, Witness, read_witness
-from adatracker_deploy.platform import ZERO, Twist
+from adatracker_deploy.core.messages import ZERO, Twist
+from adatracker_deploy.sim.witness import Account, Told, Witness, read_witness
 
 
 def test_what_two_processes_write_is_one_story(tmp_path):

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.messages import Box, MaskClass
-from adatracker_deploy.world import World, check_scene, describe_scenes, scene_names
-from adatracker_deploy.world.path import BERTH_M
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import Box, MaskClass
+from adatracker_deploy.sim import World, check_scene, describe_scenes, scene_names
+from adatracker_deploy.sim.path import BERTH_M
 
 SEEDS = st.integers(0, 2**31 - 1)
 PATHS = st.sampled_from(["s_path", "random_walk", "still"])
@@ -36,7 +36,7 @@ def test_every_scene_is_described():
 
 
 def test_the_simulator_is_imported_only_when_a_world_is_built():
-    code = "import sys, adatracker_deploy.world.episode; sys.exit('mujoco' in sys.modules)"
+    code = "import sys, adatracker_deploy.sim.episode; sys.exit('mujoco' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)
 
 

@@ -8,13 +8,14 @@ from typing import ClassVar
 
 import pytest
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.platform import ZERO, Check, Scenario, Twist
-from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import ZERO, Twist
+from adatracker_deploy.platform import Check, Scenario
+from adatracker_deploy.sim.bodies import KinematicBody
 from adatracker_deploy.testing import fake
 from adatracker_deploy.testing.conformance import STOPS, PlatformConformance
 from adatracker_deploy.testing.fake import FakeConnection, FakeFarEnd, FakePlatform, fake_profile
-from adatracker_deploy.world.bodies import KinematicBody
 
 
 class MovesBeforeEngage(FakePlatform):

@@ -4,9 +4,9 @@ from typing import ClassVar
 
 import pytest
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.platform import ZERO, Twist
-from adatracker_deploy.runtime.clock import FakeClock
+from adatracker_deploy.core.clock import FakeClock
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import ZERO, Twist
 from adatracker_deploy.testing.conformance import PlatformConformance
 from adatracker_deploy.testing.fake import FakeConnection, FakePlatform, fake_profile
 

@@ -7,11 +7,10 @@ import dataclasses
 import numpy as np
 from hypothesis import strategies as st
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.messages import Box, Frame, MaskClass, Observation
-from adatracker_deploy.platform import Twist
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import Box, Frame, MaskClass, Observation, Twist
+from adatracker_deploy.core.record import Latency, ScoredStep, StepRecord
 from adatracker_deploy.trial.log import TrialLog
-from adatracker_deploy.trial.record import Latency, ScoredStep, StepRecord
 
 START_NS = 5_000_000_000
 """The run's clock when the log began."""

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from adatracker_deploy.cli import main
-from adatracker_deploy.platform import ZERO, PlatformState, Twist
+from adatracker_deploy.core.messages import ZERO, PlatformState, Twist
 from adatracker_deploy.policy.pid import PidPolicy
 from adatracker_deploy.runtime.black_box import FILE_NAME, BlackBox, Moment
 from adatracker_deploy.runtime.link import LinkStatus, Phase

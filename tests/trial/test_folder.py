@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from adatracker_deploy.cli import main
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.trial.folder import place_for_logs
 
 

@@ -16,8 +16,8 @@ import pytest
 from mcap.reader import make_reader
 
 from adatracker_deploy.cli import main
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.messages import Frame
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.messages import Frame
 from adatracker_deploy.trial.live_port import app_url, choose_port, websocket_url
 from adatracker_deploy.trial.reader import read_trial
 from tests.trial.records import START_NS, TICK_NS, a_log, a_step, an_observation

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from adatracker_deploy.cli import main
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.trial.marks import (
     LONGEST_NOTE,
     VERDICTS,

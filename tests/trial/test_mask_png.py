@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from adatracker_deploy.messages import MaskClass
-from adatracker_deploy.trial.mask_png import PALETTE, decode_mask, encode_mask
+from adatracker_deploy.core.mask_png import PALETTE, decode_mask, encode_mask
+from adatracker_deploy.core.messages import MaskClass
 
 masks = arrays.arrays(
     np.uint8, arrays.array_shapes(min_dims=2, max_dims=2, max_side=40), elements=st.integers(0, 3)

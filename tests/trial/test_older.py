@@ -8,12 +8,12 @@ import json
 import pytest
 import yaml
 
-from adatracker_deploy.platform import Twist
+from adatracker_deploy.core.messages import Twist
 from adatracker_deploy.report.columns import columns
+from adatracker_deploy.report.rerun_file import all_series
+from adatracker_deploy.scoring.summary import summarise_log
 from adatracker_deploy.trial.channels import Message
 from adatracker_deploy.trial.reader import read_scored, read_trial
-from adatracker_deploy.trial.rerun_file import all_series
-from adatracker_deploy.trial.summary import summarise_log
 from adatracker_deploy.trial.trial_file import TrialFile
 from tests.trial.records import a_step
 

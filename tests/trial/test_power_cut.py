@@ -20,7 +20,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.runtime.pacer import Pacer
 from adatracker_deploy.trial import writer
 from adatracker_deploy.trial.handover import LogLine, Start, Step

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.messages import MaskClass
+from adatracker_deploy.core.messages import MaskClass
 from adatracker_deploy.trial.privacy import LASTS_S, Veil
 from adatracker_deploy.trial.reader import read_trial
 from tests.trial.records import a_frame, a_log, a_step, an_observation

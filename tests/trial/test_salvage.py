@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 
 from adatracker_deploy.cli import main
-from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.core.errors import PlatformError, UsageError
 from adatracker_deploy.trial.reader import read_trial
 from adatracker_deploy.trial.salvage import salvage, salvage_all
 from tests.trial.records import a_frame, a_log, a_step, a_trial, an_observation
@@ -136,7 +136,7 @@ def test_a_run_salvages_before_its_first_trial(whole, tmp_path, capsys, monkeypa
         assert (tmp_path / "old" / "trial.mcap").exists()
         raise PlatformError("no robot here")
 
-    monkeypatch.setattr("adatracker_deploy.trial_run.run_trial", no_robot)
+    monkeypatch.setattr("adatracker_deploy.app.trial_run.run_trial", no_robot)
     a_part(tmp_path / "old", whole[:-100])
     assert main(["--platform", "wheeled", "--sitl", "--log-dir", str(tmp_path)]) == 1
     assert capsys.readouterr().out.splitlines()[0].startswith(f"salvaged {tmp_path / 'old'}: ")

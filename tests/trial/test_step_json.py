@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.trial.record import StepRecord
+from adatracker_deploy.core.record import StepRecord
 from adatracker_deploy.trial.step_json import (
     scored_step_from_json,
     step_from_json,

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import yaml
 
+from adatracker_deploy.app.trial_run import TrialPlan, run_trial
 from adatracker_deploy.perception.segmenters import TRUTH, open_segmenter
 from adatracker_deploy.perception.target.choice import Choice
 from adatracker_deploy.platform import Scenario
 from adatracker_deploy.policy.pid import PidPolicy
 from adatracker_deploy.testing.fake import FakePlatform, fake_profile
 from adatracker_deploy.trial.reader import read_trial
-from adatracker_deploy.trial_run import TrialPlan, run_trial
 
 
 class Told:

@@ -13,7 +13,7 @@ from mcap.records import Chunk
 from mcap.writer import MCAP0_MAGIC
 
 from adatracker_deploy.cli import main
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.trial.reader import read_head, read_scored, read_trial
 from adatracker_deploy.trial.salvage import salvage_all
 from adatracker_deploy.trial.unpack import ALWAYS_BYTES, LARGEST_CHUNK_BYTES, RATIO

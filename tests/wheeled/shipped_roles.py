@@ -4,12 +4,12 @@ import copy
 
 import yaml
 
-from adatracker_deploy.platform import Limits
-from adatracker_deploy.profile import profile_dir
-from adatracker_deploy.schema import parse
-from adatracker_wheeled.codec import Codec
-from adatracker_wheeled.protocol import CanFrame
-from adatracker_wheeled.roles import Roles
+from adatracker_deploy.config.limits import Limits
+from adatracker_deploy.config.schema import parse
+from adatracker_deploy.registry import profile_dir
+from adatracker_wheeled.protocol.codec import Codec
+from adatracker_wheeled.protocol.frames import CanFrame
+from adatracker_wheeled.protocol.roles import Roles
 
 BASES = ("scout", "tracer", "hunter", "scout_v1", "odrive_diff")
 

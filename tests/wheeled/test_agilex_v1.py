@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shipped_roles import codec_of, frame
 
-from adatracker_deploy.platform import Twist
-from adatracker_wheeled.checksum import agilex_v1
-from adatracker_wheeled.dbc import find_dbc
-from adatracker_wheeled.protocol import BaseStatus, CanFrame, Demand, Malformed, Reading
+from adatracker_deploy.core.messages import Twist
+from adatracker_wheeled.protocol.checksum import agilex_v1
+from adatracker_wheeled.protocol.dbc import find_dbc
+from adatracker_wheeled.protocol.frames import BaseStatus, CanFrame, Demand, Malformed, Reading
 
 # The manual's own examples: "forward at 0.15 m/s", "take command while standing still".
 FORWARD = bytes.fromhex("01 00 0a 00 00 00 00 44")

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shipped_roles import codec_of, frame
 
-from adatracker_deploy.platform import Twist
-from adatracker_wheeled.dbc import Database, find_dbc
-from adatracker_wheeled.protocol import BaseStatus, CanFrame, Demand, Malformed, Reading
+from adatracker_deploy.core.messages import Twist
+from adatracker_wheeled.protocol.dbc import Database, find_dbc
+from adatracker_wheeled.protocol.frames import BaseStatus, CanFrame, Demand, Malformed, Reading
 
 i16 = st.integers(-(2**15), 2**15 - 1)
 i32 = st.integers(-(2**31), 2**31 - 1)

@@ -12,11 +12,11 @@ import can
 import pytest
 from wheeled_rig import base_profile, until
 
-from adatracker_deploy.errors import PlatformError, UsageError
-from adatracker_wheeled.bus import STUCK_S, Bus
-from adatracker_wheeled.driver import open_driver
-from adatracker_wheeled.protocol import CanFrame
-from adatracker_wheeled.socketcand import SocketcandServer
+from adatracker_deploy.core.errors import PlatformError, UsageError
+from adatracker_wheeled.protocol.bus import STUCK_S, Bus
+from adatracker_wheeled.protocol.bus_driver import open_driver
+from adatracker_wheeled.protocol.frames import CanFrame
+from adatracker_wheeled.sim.socketcand import SocketcandServer
 
 FRAME = CanFrame(0x111, bytes(8))
 

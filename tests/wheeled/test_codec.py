@@ -11,12 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shipped_roles import BASES, codec_of, limits_of, roles_of
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.platform import ZERO, Twist
-from adatracker_wheeled.codec import FASTEST
-from adatracker_wheeled.dbc import find_dbc
-from adatracker_wheeled.hostile import frames
-from adatracker_wheeled.protocol import CanFrame, Malformed, Reading
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import ZERO, Twist
+from adatracker_wheeled.protocol.codec import FASTEST
+from adatracker_wheeled.protocol.dbc import find_dbc
+from adatracker_wheeled.protocol.frames import CanFrame, Malformed, Reading
+from adatracker_wheeled.sim.fuzz import frames
 
 CODECS = {name: codec_of(name) for name in BASES}
 ROLES = {name: roles_of(name) for name in BASES}

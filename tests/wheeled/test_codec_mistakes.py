@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shipped_roles import codec_from, codec_of, limits_of, roles_as_written
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.platform import Twist
-from adatracker_wheeled.protocol import BaseStatus, CanFrame, Malformed, Reading
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.messages import Twist
+from adatracker_wheeled.protocol.frames import BaseStatus, CanFrame, Malformed, Reading
 
 MINE = """VERSION ""
 

@@ -5,8 +5,8 @@ import threading
 import pytest
 from wheeled_rig import COMMAND_MODE, STILL, Sleepy, base_profile, send_for, tapped, until
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.platform import ZERO, Twist
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import ZERO, Twist
 
 AHEAD = Twist(vx=0.5)
 STOPS = {

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adatracker_deploy.platform import ZERO, Twist
-from adatracker_wheeled.drive import CREEP_M_S, Drive
-from adatracker_wheeled.roles import Steering, Wheels
+from adatracker_deploy.core.messages import ZERO, Twist
+from adatracker_wheeled.protocol.kinematics import CREEP_M_S, Drive
+from adatracker_wheeled.protocol.roles import Steering, Wheels
 
 speeds = st.floats(-3, 3)
 DIFFERENTIAL = Drive(wheels=Wheels(track_m=0.5))

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.platform import Twist
-from adatracker_wheeled.dead_reckoning import DeadReckoning
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import Twist
+from adatracker_wheeled.adapter.odometry import DeadReckoning
 
 STEP_NS = 20_000_000
 WRAP_M = 2**32 / 1000

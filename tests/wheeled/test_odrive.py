@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shipped_roles import codec_of, frame
 
-from adatracker_deploy.platform import Twist
-from adatracker_wheeled.protocol import CanFrame, Malformed, Reading
+from adatracker_deploy.core.messages import Twist
+from adatracker_wheeled.protocol.frames import CanFrame, Malformed, Reading
 
 TURN_M = 2 * math.pi * 0.085
 speeds = st.floats(-1.5, 1.5)

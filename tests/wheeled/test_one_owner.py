@@ -8,6 +8,7 @@ import sys
 import threading
 
 import pytest
+from adatracker_wheeled.platform import WheeledPlatform
 from wheeled_rig import (
     COMMAND_MODE,
     STANDBY,
@@ -21,13 +22,13 @@ from wheeled_rig import (
     until,
 )
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.platform import Scenario, Twist
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import Twist
+from adatracker_deploy.platform import Scenario
 from adatracker_deploy.runtime.charge import ChargeMark
-from adatracker_deploy.runtime.clock import MonotonicClock
-from adatracker_wheeled.far_end import FarEnd
-from adatracker_wheeled.platform import WheeledPlatform
-from adatracker_wheeled.socketcand import SocketcandServer
+from adatracker_wheeled.sim.simulator import FarEnd
+from adatracker_wheeled.sim.socketcand import SocketcandServer
 from tests.other_machine import OfAnotherMachine
 from tests.race import owners, race
 
@@ -247,7 +248,7 @@ def test_a_device_is_the_same_under_its_other_names(tmp_path):
 
 
 def test_of_two_on_one_bus_without_a_machine_in_common_never_both_drive(monkeypatch):
-    monkeypatch.setattr("adatracker_wheeled.wire.Claim", OfAnotherMachine)
+    monkeypatch.setattr("adatracker_wheeled.adapter.transport.Claim", OfAnotherMachine)
     for delay_ms in (0, 1, 5, 20, 60):
         profile, clock = base_profile(), MonotonicClock()
         with contextlib.ExitStack() as stack:

@@ -7,10 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from wheeled_rig import base_profile
 
-from adatracker_deploy.platform import Twist
-from adatracker_wheeled.codec import Codec
-from adatracker_wheeled.hearing import Ear, Heard, trouble
-from adatracker_wheeled.protocol import BaseStatus, CanFrame, Reading
+from adatracker_deploy.core.messages import Twist
+from adatracker_wheeled.adapter.receiver import Ear, Heard, trouble
+from adatracker_wheeled.protocol.codec import Codec
+from adatracker_wheeled.protocol.frames import BaseStatus, CanFrame, Reading
 
 ROLES = base_profile().connection.roles
 TIMING = ROLES.timing

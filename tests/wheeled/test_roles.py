@@ -3,11 +3,11 @@
 import pytest
 from shipped_roles import BASES, document, limits_of, roles_as_written, roles_of
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.profile import load_profile
-from adatracker_deploy.schema import parse
-from adatracker_wheeled.codec import Codec
-from adatracker_wheeled.roles import Roles
+from adatracker_deploy.config.schema import parse
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.registry import load_profile
+from adatracker_wheeled.protocol.codec import Codec
+from adatracker_wheeled.protocol.roles import Roles
 
 OUTSIDE_SITL = ("platform", "description", "limits", "camera", "connection")
 

@@ -10,12 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from wheeled_rig import base_profile
 
-from adatracker_deploy.platform import ZERO, Twist
-from adatracker_wheeled.base import Base
-from adatracker_wheeled.codec import Codec
-from adatracker_wheeled.hostile import frames
-from adatracker_wheeled.injection import FAULTS, INJECTION_ID, injection, parse_injection
-from adatracker_wheeled.protocol import CanFrame
+from adatracker_deploy.core.messages import ZERO, Twist
+from adatracker_wheeled.protocol.codec import Codec
+from adatracker_wheeled.protocol.frames import CanFrame
+from adatracker_wheeled.sim.faults import FAULTS, INJECTION_ID, injection, parse_injection
+from adatracker_wheeled.sim.firmware import Base
+from adatracker_wheeled.sim.fuzz import frames
 
 AHEAD = Twist(vx=0.5, yaw_rate=0.2)
 

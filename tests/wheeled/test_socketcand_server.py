@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from wheeled_rig import until
 
-from adatracker_wheeled.protocol import CanFrame
-from adatracker_wheeled.socketcand import LONGEST_LINE, MOST_CLIENTS, Parser, SocketcandServer, frame_line
+from adatracker_wheeled.protocol.frames import CanFrame
+from adatracker_wheeled.sim.socketcand import LONGEST_LINE, MOST_CLIENTS, Parser, SocketcandServer, frame_line
 
 frames = st.one_of(
     st.builds(CanFrame, st.integers(0, 0x7FF), st.binary(max_size=8)),

@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from wheeled_rig import until
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.platform import ZERO, Twist
-from adatracker_deploy.runtime.clock import MonotonicClock
-from adatracker_wheeled.transmitter import Stream, Transmitter
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import ZERO, Twist
+from adatracker_wheeled.adapter.transmitter import Stream, Transmitter
 
 PERIOD_S, LIFETIME_S = 0.02, 0.2
 AHEAD, TURN = Twist(vx=0.5), Twist(yaw_rate=0.5)

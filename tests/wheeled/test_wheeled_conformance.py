@@ -5,12 +5,12 @@ import math
 from typing import ClassVar
 
 import pytest
+from adatracker_wheeled.platform import WheeledPlatform
 from wheeled_rig import InProcess, base_profile
 
-from adatracker_deploy.platform import Twist
-from adatracker_deploy.profile import load_profile
+from adatracker_deploy.core.messages import Twist
+from adatracker_deploy.registry import load_profile
 from adatracker_deploy.testing.conformance import PlatformConformance
-from adatracker_wheeled.platform import WheeledPlatform
 
 
 class OnAVirtualBus(WheeledPlatform):
@@ -22,7 +22,7 @@ class OnAVirtualBus(WheeledPlatform):
 class OnCan(PlatformConformance):
     """What goes out are frames: their ids, two bytes, and their data."""
 
-    says = "adatracker_wheeled.bus:Bus.send"
+    says = "adatracker_wheeled.protocol.bus:Bus.send"
 
     def said(self, *values):
         frame = values[1]

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from wheeled_rig import base_profile
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.platform import ZERO, Twist
-from adatracker_wheeled.body import WheeledBody
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import ZERO, Twist
+from adatracker_wheeled.sim.dynamics import WheeledBody
 
 STEP_S = 0.01
 

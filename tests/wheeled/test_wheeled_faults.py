@@ -10,6 +10,7 @@ import time
 
 import can
 import pytest
+from adatracker_wheeled.platform import WheeledPlatform
 from wheeled_rig import (
     STANDBY,
     STILL,
@@ -21,13 +22,13 @@ from wheeled_rig import (
     until,
 )
 
-from adatracker_deploy.errors import PlatformError, UsageError
-from adatracker_deploy.platform import Scenario, Twist
-from adatracker_deploy.runtime.clock import MonotonicClock
-from adatracker_wheeled.far_end import FarEnd
-from adatracker_wheeled.hostile import frames
-from adatracker_wheeled.platform import WheeledPlatform
-from adatracker_wheeled.socketcand import SocketcandServer
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.errors import PlatformError, UsageError
+from adatracker_deploy.core.messages import Twist
+from adatracker_deploy.platform import Scenario
+from adatracker_wheeled.sim.fuzz import frames
+from adatracker_wheeled.sim.simulator import FarEnd
+from adatracker_wheeled.sim.socketcand import SocketcandServer
 
 AHEAD = Twist(vx=0.5)
 

@@ -7,8 +7,8 @@ import pytest
 from can.interfaces.virtual import VirtualBus
 from wheeled_rig import COMMAND_MODE, STANDBY, STILL, base_profile, drive, send_for, tapped, until
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.platform import Twist
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import Twist
 
 AHEAD = Twist(vx=0.5)
 BRAKE_RELEASE = (0x131, b"\x00")

@@ -13,18 +13,19 @@ import urllib.request
 
 import can
 import pytest
+from adatracker_wheeled.platform import WheeledPlatform
 from wheeled_rig import send_for, until
 
-from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.errors import PlatformError, UsageError
+from adatracker_deploy.core.messages import Twist
 from adatracker_deploy.perception.sources import open_source
-from adatracker_deploy.platform import Scenario, Twist
-from adatracker_deploy.profile import load_profile
-from adatracker_deploy.runtime.clock import MonotonicClock
-from adatracker_wheeled.bus import Bus
-from adatracker_wheeled.codec import Codec
-from adatracker_wheeled.injection import injection
-from adatracker_wheeled.platform import WheeledPlatform
-from adatracker_wheeled.sitl import WheeledSitl, main
+from adatracker_deploy.platform import Scenario
+from adatracker_deploy.registry import load_profile
+from adatracker_wheeled.protocol.bus import Bus
+from adatracker_wheeled.protocol.codec import Codec
+from adatracker_wheeled.sim.faults import injection
+from adatracker_wheeled.sim.sitl import WheeledSitl, main
 
 pytestmark = pytest.mark.slow
 
@@ -275,7 +276,7 @@ def test_time_runs_as_fast_as_the_shared_clock():
 
 def test_by_hand_it_takes_a_profile_and_a_port_and_says_where_its_camera_is():
     with subprocess.Popen(
-        [sys.executable, "-m", "adatracker_wheeled.sitl", "--profile", "tracer", "--lifeline"],
+        [sys.executable, "-m", "adatracker_wheeled.sim.sitl", "--profile", "tracer", "--lifeline"],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,

@@ -7,17 +7,17 @@ import threading
 import time
 
 import can
-
-from adatracker_deploy.far_end import Orders
-from adatracker_deploy.platform import Scenario, Sitl
-from adatracker_deploy.profile import load_profile
-from adatracker_deploy.runtime.clock import MonotonicClock
-from adatracker_wheeled.bus import Bus
-from adatracker_wheeled.codec import Codec
-from adatracker_wheeled.far_end import FarEnd
-from adatracker_wheeled.injection import ON_DEMAND, injection
 from adatracker_wheeled.platform import WheeledPlatform
-from adatracker_wheeled.protocol import CanFrame, Malformed
+
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.platform import Scenario, Sitl
+from adatracker_deploy.registry import load_profile
+from adatracker_deploy.sim.process import Orders
+from adatracker_wheeled.protocol.bus import Bus
+from adatracker_wheeled.protocol.codec import Codec
+from adatracker_wheeled.protocol.frames import CanFrame, Malformed
+from adatracker_wheeled.sim.faults import ON_DEMAND, injection
+from adatracker_wheeled.sim.simulator import FarEnd
 
 _numbers = itertools.count()
 

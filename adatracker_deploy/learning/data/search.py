@@ -16,9 +16,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from adatracker_deploy.core.messages import MaskClass
 from adatracker_deploy.learning.data.shard import unpack_masks
 from adatracker_deploy.learning.episode_spec import MASK_SIZE
-from adatracker_deploy.messages import MaskClass
 
 PATIENCE = 3
 """Steps without a target after which it counts as gone: dropped frames are shorter."""

@@ -29,9 +29,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.config.schema import parse
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.episode_spec import MASK_SIZE, EpisodeSpec
-from adatracker_deploy.schema import parse
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

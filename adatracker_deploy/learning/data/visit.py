@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.data.rollout import Rollout
 from adatracker_deploy.learning.data.shard import SHARD_STEPS, Record, joined_shard, shard_name, write_shard
 from adatracker_deploy.learning.seeds import training_seed

@@ -24,7 +24,8 @@ from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from stable_baselines3.common.vec_env import DummyVecEnv
 from torch import Tensor, nn
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.config.schema import Range
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.checkpoint import ADATRACKER_MASK, CheckpointMeta, save_checkpoint
 from adatracker_deploy.learning.conditions import HEIGHTS_M, TARGET_SPEEDS_M_S
 from adatracker_deploy.learning.environment import TrackingEnv
@@ -32,7 +33,6 @@ from adatracker_deploy.learning.episode_spec import RATE_HZ
 from adatracker_deploy.learning.networks import AdaTrackerConfig, Backbone, ContextPolicy
 from adatracker_deploy.learning.tracking import ACTION
 from adatracker_deploy.learning.train.agent import drawn
-from adatracker_deploy.schema import Range
 
 BODIES = tuple((height_m, speed_m_s) for height_m in HEIGHTS_M for speed_m_s in TARGET_SPEEDS_M_S)
 CONFIG = AdaTrackerConfig(history=0, context=0)

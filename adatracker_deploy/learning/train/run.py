@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.data.dataset import Dataset
 from adatracker_deploy.learning.data.recipe import load_recipe
 from adatracker_deploy.learning.train.agent import Agent, Sequences

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
+from adatracker_deploy.config.schema import Range
 from adatracker_deploy.learning.networks import AdaTrackerConfig
-from adatracker_deploy.schema import Range
 
 Method = Literal["dagger", "cql_sac"]
 Variant = Literal[

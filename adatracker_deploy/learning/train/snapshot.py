@@ -10,7 +10,8 @@ from typing import Any
 
 import torch
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.config.schema import parse
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.checkpoint import (
     ADATRACKER_MASK,
     CheckpointMeta,
@@ -21,7 +22,6 @@ from adatracker_deploy.learning.episode_spec import RATE_HZ
 from adatracker_deploy.learning.tracking import ACTION
 from adatracker_deploy.learning.train.agent import Agent
 from adatracker_deploy.learning.train.settings import TrainSettings
-from adatracker_deploy.schema import parse
 
 SNAPSHOT_NAME, POLICY_NAME = "training.pt", "policy.pt"
 _FORMAT = "adatracker-training-1"

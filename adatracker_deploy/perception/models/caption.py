@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.perception.models.wordpiece import CLS, PADDING, SEP, UNKNOWN, WordPiece
 
 MOST_TOKENS = 256

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.core.errors import PlatformError, UsageError
 from adatracker_deploy.perception.models.grounding_dino import GroundingDino
 from adatracker_deploy.perception.models.metadata import read_metadata
 from adatracker_deploy.perception.models.model_file import ModelFile, read_model_file

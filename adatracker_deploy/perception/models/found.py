@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.perception.boxes import best_apart, clipped
 from adatracker_deploy.perception.models.image_input import in_boxes
 from adatracker_deploy.perception.models.picture import Fit

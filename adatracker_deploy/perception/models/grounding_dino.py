@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.perception.boxes import from_centres
 from adatracker_deploy.perception.models.caption import MOST_TOKENS, caption
 from adatracker_deploy.perception.models.found import Candidates, Rules, instances, sigmoid

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.perception.models.picture import Fit, Preparation, fit, prepare
 from adatracker_deploy.perception.models.signature import Port
 

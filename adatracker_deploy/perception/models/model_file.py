@@ -9,8 +9,8 @@ from typing import Any
 
 import onnx
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.onnx_file import RUNTIME_DOMAINS, check_plain, opsets, read_model
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.onnx_file import RUNTIME_DOMAINS, check_plain, opsets, read_model
 
 FILE_CAP_BYTES = (2 << 30) - 1
 """What one protobuf message can hold, and so one ONNX file."""

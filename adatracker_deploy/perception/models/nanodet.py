@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.core.errors import PlatformError, UsageError
 from adatracker_deploy.perception.models.coco import COCO80
 from adatracker_deploy.perception.models.found import Candidates, Rules, instances
 from adatracker_deploy.perception.models.image_input import picture_port

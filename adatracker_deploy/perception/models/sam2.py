@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.perception.models.found import sigmoid
 from adatracker_deploy.perception.models.image_input import image_input
 from adatracker_deploy.perception.models.memory_bank import MemoryBank, Remembered

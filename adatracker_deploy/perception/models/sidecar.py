@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.config.schema import Range, parse
+from adatracker_deploy.config.yaml_text import read_yaml
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.perception.models.coco import COCO80, COCO91
 from adatracker_deploy.perception.models.picture import Preparation, Resize
-from adatracker_deploy.schema import Range, parse
-from adatracker_deploy.yaml_text import read_yaml
 
 Kind = Literal["yolo", "rf_detr", "grounding_dino", "sam2"]
 Triple = tuple[float, float, float]

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.perception.boxes import from_centres
 from adatracker_deploy.perception.models.found import Candidates, Rules, cutter, instances
 from adatracker_deploy.perception.models.image_input import image_input, picture_port

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from adatracker_deploy.messages import TargetState
+from adatracker_deploy.core.messages import TargetState
 from adatracker_deploy.perception.boxes import centres, heights, overlap
 from adatracker_deploy.perception.target.appearance import likeness
 from adatracker_deploy.perception.target.people import Person, assigned

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 
 if TYPE_CHECKING:
     from adatracker_deploy.perception.models.model_file import ModelFile

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from adatracker_deploy.limits import Limits
-from adatracker_deploy.platform import PlatformState, Twist
+from adatracker_deploy.config.limits import Limits
+from adatracker_deploy.core.messages import PlatformState, Twist
 from adatracker_deploy.runtime.gate.place import rest_height_m
 from adatracker_deploy.runtime.gate.reasons import Reason
 from adatracker_deploy.runtime.gate.state import GateState

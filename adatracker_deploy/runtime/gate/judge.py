@@ -6,8 +6,8 @@ import math
 from dataclasses import replace
 from itertools import chain
 
-from adatracker_deploy.limits import Limits
-from adatracker_deploy.platform import ZERO, PlatformState
+from adatracker_deploy.config.limits import Limits
+from adatracker_deploy.core.messages import ZERO, PlatformState
 from adatracker_deploy.runtime.gate.envelope import too_close
 from adatracker_deploy.runtime.gate.move import move
 from adatracker_deploy.runtime.gate.reasons import Reason

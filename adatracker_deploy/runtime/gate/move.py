@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.limits import Limits
-from adatracker_deploy.platform import PlatformState, Twist
+from adatracker_deploy.config.limits import Limits
+from adatracker_deploy.core.messages import PlatformState, Twist
 from adatracker_deploy.runtime.gate.envelope import Envelope, narrowed
 from adatracker_deploy.runtime.gate.reasons import Reason
 from adatracker_deploy.runtime.gate.smooth import smooth

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.limits import Limits, encloses
-from adatracker_deploy.platform import Twist
+from adatracker_deploy.config.limits import Limits, encloses
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import Twist
 
 STRAY_M = 0.5
 """Further outside the altitude band than this, steering back is not trusted any more: a stop latches."""

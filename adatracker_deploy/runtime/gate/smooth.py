@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from adatracker_deploy.limits import Limits
-from adatracker_deploy.platform import Twist
+from adatracker_deploy.config.limits import Limits
+from adatracker_deploy.core.messages import Twist
 
 ARRIVED = 1e-9
 """A speed this near to the wanted one, m/s or rad/s, is the wanted one."""

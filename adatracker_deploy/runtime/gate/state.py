@@ -5,8 +5,8 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.platform import ZERO, Twist
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import ZERO, Twist
 from adatracker_deploy.runtime.gate.reasons import Reason
 from adatracker_deploy.runtime.gate.track import Track
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.limits import Limits
+from adatracker_deploy.config.limits import Limits
+from adatracker_deploy.core.geometry import Pose
 
 JUMP_M = 1.0
 """The reported position may be so far ahead of what motion explains. PX4's height, the worst that was

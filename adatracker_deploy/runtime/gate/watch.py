@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.limits import Limits
-from adatracker_deploy.platform import PlatformState
+from adatracker_deploy.config.limits import Limits
+from adatracker_deploy.core.messages import PlatformState
 from adatracker_deploy.runtime.gate.place import leaves_fence, strays
 from adatracker_deploy.runtime.gate.reasons import Reason
 from adatracker_deploy.runtime.gate.state import GateState, Setpoint, Stage, Stop

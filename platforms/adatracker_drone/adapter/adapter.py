@@ -10,17 +10,16 @@ import contextlib
 import threading
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.platform import Body, Check, Platform, PlatformState, Sitl, Twist, while_told
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import PlatformState, Twist
+from adatracker_deploy.core.stamps import while_told
+from adatracker_deploy.platform import Check, Platform
 from adatracker_deploy.runtime.ownership import Claim
-from adatracker_drone.connection import Connection, altitude_band
-from adatracker_drone.dialogue import TICK_NS, Dialogue
-from adatracker_drone.frames import NedPose
-from adatracker_drone.heard import Heard, Landed
-from adatracker_drone.helm import Helm
-from adatracker_drone.manoeuvres import LANDING_MODES, PROOF_OF_LIFE_S, Manoeuvres
-from adatracker_drone.orders import HOLD
-from adatracker_drone.preflight import (
+from adatracker_drone.adapter.authority import Helm
+from adatracker_drone.adapter.command_client import TICK_NS, Dialogue
+from adatracker_drone.adapter.commands import HOLD
+from adatracker_drone.adapter.engage import LANDING_MODES, PROOF_OF_LIFE_S, Manoeuvres
+from adatracker_drone.adapter.preflight import (
     Parameters,
     envelope_checks,
     failsafe_checks,
@@ -28,13 +27,15 @@ from adatracker_drone.preflight import (
     link_checks,
     mode_checks,
 )
-from adatracker_drone.protocol import body_velocity
-from adatracker_drone.settings import SitlSettings
-from adatracker_drone.vehicle import Vehicle
+from adatracker_drone.adapter.transport import Vehicle
+from adatracker_drone.adapter.vehicle_state import Heard, Landed
+from adatracker_drone.protocol.connection import Connection, altitude_band
+from adatracker_drone.protocol.frames import NedPose
+from adatracker_drone.protocol.setpoints import body_velocity
 
 if TYPE_CHECKING:
-    from adatracker_deploy.profile import Profile
-    from adatracker_deploy.runtime.clock import Clock
+    from adatracker_deploy.config.profile import Profile
+    from adatracker_deploy.core.clock import Clock
 
 _BATTERY_TIMEOUT_S = 10.0
 """A charge that was told longer ago is not told any more; PX4 tells it five times a second."""
@@ -42,7 +43,7 @@ _LIFTED_M = 0.2
 """A drone that counts as taking off is reported to stand up to this height."""
 
 
-class DronePlatform(Platform):
+class DroneAdapter(Platform):
     """A PX4 quadrotor behind MAVLink.
 
     After a takeover (a mode that nobody here asked for) the drone is whoever's took it: neither `hold` nor
@@ -52,7 +53,6 @@ class DronePlatform(Platform):
     name = "drone"
     axes = frozenset({"vx", "vy", "vz", "yaw_rate"})
     Connection = Connection
-    SitlSettings = SitlSettings
     default_profile = "px4_quad"
 
     def __init__(self, profile: Profile, clock: Clock) -> None:
@@ -272,20 +272,6 @@ class DronePlatform(Platform):
             if self._claim is not None:
                 self._claim.close()
             self._closing = False
-
-    @classmethod
-    def body(cls, profile: Profile) -> Body:
-        """Return the quadrotor's dynamics; needs the sitl extra."""
-        from adatracker_drone.body import DroneBody
-
-        return DroneBody(profile.sitl)
-
-    @classmethod
-    def sitl(cls, profile: Profile) -> Sitl:
-        """Return a simulated PX4 vehicle in a process of its own; needs the sitl extra."""
-        from adatracker_drone.sitl import DroneSitl
-
-        return DroneSitl(profile)
 
     def _withdraw(self, reason: str = "") -> None:
         flight = self._flight

@@ -12,17 +12,17 @@ import contextlib
 import threading
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.platform import ZERO, Twist
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import ZERO, Twist
 from adatracker_deploy.runtime.suspend import SuspendWatch
-from adatracker_drone.protocol import AltitudeHold
+from adatracker_drone.protocol.setpoints import AltitudeHold
 
 if TYPE_CHECKING:
-    from adatracker_deploy.runtime.clock import Clock
-    from adatracker_drone.connection import Connection
-    from adatracker_drone.heard import Heard
-    from adatracker_drone.orders import Order
-    from adatracker_drone.vehicle import Vehicle
+    from adatracker_deploy.core.clock import Clock
+    from adatracker_drone.adapter.commands import Order
+    from adatracker_drone.adapter.transport import Vehicle
+    from adatracker_drone.adapter.vehicle_state import Heard
+    from adatracker_drone.protocol.connection import Connection
 
 LONGEST_REASON = 95
 """As `PlatformState.stopped` promises."""

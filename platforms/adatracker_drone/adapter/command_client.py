@@ -8,15 +8,15 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_drone.orders import TELL_MODE, Order
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_drone.adapter.commands import TELL_MODE, Order
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from adatracker_deploy.runtime.clock import Clock
-    from adatracker_drone.helm import Helm
-    from adatracker_drone.vehicle import Vehicle
+    from adatracker_deploy.core.clock import Clock
+    from adatracker_drone.adapter.authority import Helm
+    from adatracker_drone.adapter.transport import Vehicle
 
 TICK_NS = 50_000_000
 """Set-points while engaging: 20 Hz, where PX4 wants more than 2 Hz."""

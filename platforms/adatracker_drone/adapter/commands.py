@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 
-from adatracker_drone.packets import CURRENT_MODE, HEARTBEAT
+from adatracker_drone.protocol.packets import CURRENT_MODE, HEARTBEAT
 
 _EXTENDED_SYS_STATE, _AUTOPILOT_VERSION = 245, 148
 _CUSTOM_MODE = 1

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_drone.connection import Connection, altitude_band
-from adatracker_drone.heard import Heard, Landed
-from adatracker_drone.orders import ARM, DISARM, HOLD, LAND, OFFBOARD, TAKE_OFF
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_drone.adapter.commands import ARM, DISARM, HOLD, LAND, OFFBOARD, TAKE_OFF
+from adatracker_drone.adapter.vehicle_state import Heard, Landed
+from adatracker_drone.protocol.connection import Connection, altitude_band
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from adatracker_deploy.limits import Limits
-    from adatracker_deploy.runtime.clock import Clock
-    from adatracker_drone.dialogue import Dialogue
-    from adatracker_drone.helm import Helm
+    from adatracker_deploy.config.limits import Limits
+    from adatracker_deploy.core.clock import Clock
+    from adatracker_drone.adapter.authority import Helm
+    from adatracker_drone.adapter.command_client import Dialogue
 
 PROOF_OF_LIFE_S = 1.2
 """PX4 wants set-points for 1 s before it switches to OFFBOARD."""

@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.platform import Check, Limits
+from adatracker_deploy.config.limits import Limits
+from adatracker_deploy.platform import Check
 
 if TYPE_CHECKING:
     from collections.abc import Callable

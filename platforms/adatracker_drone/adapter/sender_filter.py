@@ -10,11 +10,11 @@ from __future__ import annotations
 import enum
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.milestone import milestone
-from adatracker_drone.packets import HEARD, HEARTBEAT, Packet, split
+from adatracker_deploy.core.milestone import milestone
+from adatracker_drone.protocol.packets import HEARD, HEARTBEAT, Packet, split
 
 if TYPE_CHECKING:
-    from adatracker_drone.signing import Signer
+    from adatracker_drone.protocol.signing import Signer
 
 Address = tuple[str, int]
 

@@ -26,23 +26,23 @@ from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkMessage
 from mavsdk.plugins.param import Param
 from mavsdk.plugins.telemetry import StatusTextType, Telemetry
 
-from adatracker_deploy.errors import PlatformError, UsageError
-from adatracker_drone.backlog import Backlog
-from adatracker_drone.events import NO_REASON, WARNING, number_of, reason_of
-from adatracker_drone.guard import AUTOPILOT_COMPONENT, Ignored
-from adatracker_drone.heard import HEALTH, Heard, Landed, mode_name
-from adatracker_drone.orders import TELL_VERSION, Order, rates
-from adatracker_drone.packets import HEARTBEAT, split
-from adatracker_drone.protocol import check_url, dialled, numeric_address, set_point_json
-from adatracker_drone.signing import Signer, read_key
-from adatracker_drone.udp import UdpLink
+from adatracker_deploy.core.errors import PlatformError, UsageError
+from adatracker_drone.adapter.backlog import Backlog
+from adatracker_drone.adapter.commands import TELL_VERSION, Order, rates
+from adatracker_drone.adapter.sender_filter import AUTOPILOT_COMPONENT, Ignored
+from adatracker_drone.adapter.udp import UdpLink
+from adatracker_drone.adapter.vehicle_state import HEALTH, Heard, Landed, mode_name
+from adatracker_drone.protocol.events import NO_REASON, WARNING, number_of, reason_of
+from adatracker_drone.protocol.packets import HEARTBEAT, split
+from adatracker_drone.protocol.setpoints import check_url, dialled, numeric_address, set_point_json
+from adatracker_drone.protocol.signing import Signer, read_key
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from adatracker_deploy.platform import Twist
-    from adatracker_deploy.runtime.clock import Clock
-    from adatracker_drone.connection import Connection
+    from adatracker_deploy.core.clock import Clock
+    from adatracker_deploy.core.messages import Twist
+    from adatracker_drone.protocol.connection import Connection
 
 _log = logging.getLogger(__name__)
 _log.addHandler(logging.NullHandler())

@@ -12,13 +12,13 @@ import threading
 import time
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.errors import UsageError
-from adatracker_drone.guard import Address, Guard
+from adatracker_deploy.core.errors import UsageError
+from adatracker_drone.adapter.sender_filter import Address, Guard
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from adatracker_drone.signing import Signer
+    from adatracker_drone.protocol.signing import Signer
 
 _LARGEST = 65535
 _LOOK_S = 0.1

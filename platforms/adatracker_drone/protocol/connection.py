@@ -6,10 +6,10 @@ import re
 from dataclasses import dataclass
 from typing import Annotated
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.limits import Limits
-from adatracker_deploy.schema import Range
-from adatracker_drone.protocol import numeric_address
+from adatracker_deploy.config.limits import Limits
+from adatracker_deploy.config.schema import Range
+from adatracker_deploy.core.errors import UsageError
+from adatracker_drone.protocol.setpoints import numeric_address
 
 _UID = re.compile(r"[0-9a-f]{36}")
 

@@ -6,7 +6,7 @@ import struct
 
 from pymavlink.dialects.v20 import common as mavlink
 
-from adatracker_drone.packets import CURRENT_MODE, EVENT, HEARD
+from adatracker_drone.protocol.packets import CURRENT_MODE, EVENT, HEARD
 
 _ARGUMENTS_BYTES = 40
 

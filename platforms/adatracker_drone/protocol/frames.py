@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from adatracker_deploy.geometry import Pose, wrap_angle
+from adatracker_deploy.core.geometry import Pose, wrap_angle
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,9 +10,9 @@ import json
 import re
 from dataclasses import astuple, dataclass, replace
 
-from adatracker_deploy.errors import PlatformError, UsageError
-from adatracker_deploy.platform import Twist
-from adatracker_drone.frames import rotate
+from adatracker_deploy.core.errors import PlatformError, UsageError
+from adatracker_deploy.core.messages import Twist
+from adatracker_drone.protocol.frames import rotate
 
 AUTOPILOT = (1, 1)
 """System and component id that PX4 answers to unless it was told otherwise."""

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.secret_file import check_secret
-from adatracker_drone.packets import (
+from adatracker_deploy.config.secret_file import check_secret
+from adatracker_deploy.core.errors import UsageError
+from adatracker_drone.protocol.packets import (
     KEY_BYTES,
     TICK_NS,
     Packet,

@@ -13,21 +13,21 @@ from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import common as mavlink
 
-from adatracker_deploy.platform import Twist
-from adatracker_drone import services
-from adatracker_drone.body import Power
-from adatracker_drone.commander import FORCE, Commander, Said
-from adatracker_drone.dialect import Event
-from adatracker_drone.estimator import Estimator
-from adatracker_drone.events import number_of
-from adatracker_drone.frames import rotate
-from adatracker_drone.motion import HOME_ALTITUDE_M, Motion, Velocity
-from adatracker_drone.navigator import NOTHING, Navigator, Ned, SetPoint
-from adatracker_drone.parameters import Parameters
-from adatracker_drone.px4 import Mode, Result
-from adatracker_drone.settings import SitlSettings
-from adatracker_drone.streams import Streams
-from adatracker_drone.telemetry import Instant, Message
+from adatracker_deploy.core.messages import Twist
+from adatracker_drone.protocol.dialect import Event
+from adatracker_drone.protocol.events import number_of
+from adatracker_drone.protocol.frames import rotate
+from adatracker_drone.protocol.px4 import Mode, Result
+from adatracker_drone.sim import services
+from adatracker_drone.sim.commander import FORCE, Commander, Said
+from adatracker_drone.sim.dynamics import Power
+from adatracker_drone.sim.estimator import Estimator
+from adatracker_drone.sim.motion import HOME_ALTITUDE_M, Motion, Velocity
+from adatracker_drone.sim.navigator import NOTHING, Navigator, Ned, SetPoint
+from adatracker_drone.sim.parameters import Parameters
+from adatracker_drone.sim.settings import SitlSettings
+from adatracker_drone.sim.streams import Streams
+from adatracker_drone.sim.telemetry import Instant, Message
 
 COMPONENT = mavlink.MAV_COMP_ID_AUTOPILOT1
 

@@ -11,9 +11,17 @@ from collections import deque
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from adatracker_drone.motion import Motion
-from adatracker_drone.parameters import Parameters
-from adatracker_drone.px4 import LOSS_ACTIONS, NEEDS_STICKS, TRANSIENT, Landed, Mode, Result, Severity
+from adatracker_drone.protocol.px4 import (
+    LOSS_ACTIONS,
+    NEEDS_STICKS,
+    TRANSIENT,
+    Landed,
+    Mode,
+    Result,
+    Severity,
+)
+from adatracker_drone.sim.motion import Motion
+from adatracker_drone.sim.parameters import Parameters
 
 FORCE = 21196
 """The number that makes an arm or disarm command unconditional (MAV_CMD_COMPONENT_ARM_DISARM)."""

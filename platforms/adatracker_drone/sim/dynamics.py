@@ -8,13 +8,20 @@ import math
 import jsbsim
 import numpy as np
 
-from adatracker_deploy.geometry import Pose, wrap_angle
-from adatracker_deploy.platform import Body, Twist
-from adatracker_drone.cascade import Cascade, Motors
-from adatracker_drone.frames import NedPose
-from adatracker_drone.motion import HOME_ALTITUDE_M, HOME_LATITUDE_DEG, HOME_LONGITUDE_DEG, Motion, Velocity
-from adatracker_drone.protocol import body_velocity
-from adatracker_drone.settings import SitlSettings
+from adatracker_deploy.core.geometry import Pose, wrap_angle
+from adatracker_deploy.core.messages import Twist
+from adatracker_deploy.platform import Body
+from adatracker_drone.protocol.frames import NedPose
+from adatracker_drone.protocol.setpoints import body_velocity
+from adatracker_drone.sim.flight_controller import Cascade, Motors
+from adatracker_drone.sim.motion import (
+    HOME_ALTITUDE_M,
+    HOME_LATITUDE_DEG,
+    HOME_LONGITUDE_DEG,
+    Motion,
+    Velocity,
+)
+from adatracker_drone.sim.settings import SitlSettings
 
 STEP_S = 0.004
 """JSBSim's and the controller's time step."""

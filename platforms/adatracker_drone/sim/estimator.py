@@ -11,8 +11,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from adatracker_drone.motion import Motion
-from adatracker_drone.settings import SitlSettings
+from adatracker_drone.sim.motion import Motion
+from adatracker_drone.sim.settings import SitlSettings
 
 _WANDER_S, _DRIFT_S = 5.0, 20.0
 """Correlation times of the velocity's and of the height's error."""

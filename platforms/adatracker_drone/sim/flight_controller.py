@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from adatracker_drone.frames import rotate
-from adatracker_drone.motion import Motion, Velocity
+from adatracker_drone.protocol.frames import rotate
+from adatracker_drone.sim.motion import Motion, Velocity
 
 Motors = tuple[float, float, float, float]
 """Commands in [0, 1]: front right, aft left, front left, aft right."""

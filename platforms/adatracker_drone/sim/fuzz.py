@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from typing import TYPE_CHECKING
 
-from adatracker_drone.packets import pack
+from adatracker_drone.protocol.packets import pack
 
 if TYPE_CHECKING:
     import random

@@ -9,11 +9,11 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from adatracker_deploy.geometry import wrap_angle
-from adatracker_drone.frames import rotate
-from adatracker_drone.motion import Motion, Velocity
-from adatracker_drone.parameters import Parameters
-from adatracker_drone.px4 import Mode
+from adatracker_deploy.core.geometry import wrap_angle
+from adatracker_drone.protocol.frames import rotate
+from adatracker_drone.protocol.px4 import Mode
+from adatracker_drone.sim.motion import Motion, Velocity
+from adatracker_drone.sim.parameters import Parameters
 
 _POSITION_P, _ALTITUDE_P, _HEADING_P = 0.95, 1.2, 2.8
 """1/s: MPC_XY_P, MPC_Z_P (1.0 by default), MC_YAW_P."""

@@ -7,8 +7,8 @@ from typing import Any
 
 from pymavlink.dialects.v20 import common as mavlink
 
-from adatracker_drone.parameters import PARAMETERS, Parameters, from_wire, to_wire
-from adatracker_drone.telemetry import Message
+from adatracker_drone.sim.parameters import PARAMETERS, Parameters, from_wire, to_wire
+from adatracker_drone.sim.telemetry import Message
 
 _NAMES = list(PARAMETERS)
 

@@ -11,17 +11,17 @@ import time
 
 from pymavlink.dialects.v20 import common as mavlink
 
-from adatracker_deploy.far_end import Orders
-from adatracker_deploy.faults.catalogue import BATTERY_LOW, LINK_DROP, ROBOT_SILENT, TAKEOVER
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.platform import Twist
-from adatracker_deploy.runtime.clock import Clock
-from adatracker_drone.autopilot import COMPONENT, NOBODY, Autopilot, Identity, velocity_of
-from adatracker_drone.body import STEP_S, DroneBody
-from adatracker_drone.packets import signing_time
-from adatracker_drone.px4 import Mode
-from adatracker_drone.settings import SitlSettings
-from adatracker_drone.telemetry import Message
+from adatracker_deploy.core.clock import Clock
+from adatracker_deploy.core.faults import BATTERY_LOW, LINK_DROP, ROBOT_SILENT, TAKEOVER
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import Twist
+from adatracker_deploy.sim.process import Orders
+from adatracker_drone.protocol.packets import signing_time
+from adatracker_drone.protocol.px4 import Mode
+from adatracker_drone.sim.autopilot import COMPONENT, NOBODY, Autopilot, Identity, velocity_of
+from adatracker_drone.sim.dynamics import STEP_S, DroneBody
+from adatracker_drone.sim.settings import SitlSettings
+from adatracker_drone.sim.telemetry import Message
 
 BATCH_S = 0.004
 """Machine time between two looks at the sockets."""

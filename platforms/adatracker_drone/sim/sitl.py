@@ -2,7 +2,7 @@
 
 ``DroneSitl`` starts it for a rehearsal. By hand, for a ground station or a script of one's own::
 
-    python -m adatracker_drone.sitl --port 14540 --gcs udpout:127.0.0.1:14550
+    python -m adatracker_drone.sim.sitl --port 14540 --gcs udpout:127.0.0.1:14550
 
 It sends to the given UDP port of this machine from a port of its own, as PX4's simulator does.
 
@@ -25,8 +25,11 @@ import socket
 import sys
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.far_end import (
+from adatracker_deploy.config.schema import parse
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.faults import BATTERY_LOW, LINK_DROP, ROBOT_SILENT, TAKEOVER
+from adatracker_deploy.platform import Scenario, Sitl
+from adatracker_deploy.sim.process import (
     FarEndProcess,
     Orders,
     add_arguments,
@@ -35,16 +38,13 @@ from adatracker_deploy.far_end import (
     lifeline,
     refuse,
 )
-from adatracker_deploy.faults.catalogue import BATTERY_LOW, LINK_DROP, ROBOT_SILENT, TAKEOVER
-from adatracker_deploy.platform import Scenario, Sitl
-from adatracker_deploy.schema import parse
-from adatracker_drone.settings import SitlSettings
-from adatracker_drone.signing import read_key
+from adatracker_drone.protocol.signing import read_key
+from adatracker_drone.sim.settings import SitlSettings
 
 if TYPE_CHECKING:
-    from adatracker_deploy.profile import Profile
-    from adatracker_deploy.runtime.clock import Clock
-    from adatracker_drone.far_end import FarEnd
+    from adatracker_deploy.config.profile import Profile
+    from adatracker_deploy.core.clock import Clock
+    from adatracker_drone.sim.simulator import FarEnd
 
 STOP_TIMEOUT_S = 65.0
 """The far end gives up on coming to rest a little sooner by itself (`far_end.LINGER_S`)."""
@@ -61,7 +61,7 @@ class DroneSitl(Sitl):
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
-        self._process = FarEndProcess("adatracker_drone.sitl", "simulated drone", STOP_TIMEOUT_S)
+        self._process = FarEndProcess("adatracker_drone.sim.sitl", "simulated drone", STOP_TIMEOUT_S)
 
     def start(self, clock: Clock, scenario: Scenario) -> Profile:
         """Start the far end and wait until it is up; the world is drawn elsewhere, from the drone's own pose.
@@ -137,8 +137,8 @@ def _power_on(
     orders: Orders,
 ) -> FarEnd:
     _require_libraries()
-    from adatracker_drone.autopilot import Identity
-    from adatracker_drone.far_end import FarEnd
+    from adatracker_drone.sim.autopilot import Identity
+    from adatracker_drone.sim.simulator import FarEnd
 
     identity = Identity(args.system_id, bytes.fromhex(args.uid))
     return FarEnd(settings, args.seed, args.speed, addresses, key=key, orders=orders, identity=identity)
@@ -178,7 +178,7 @@ def _uid(text: str) -> str:
 
 def _arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m adatracker_drone.sitl", description="A simulated PX4 drone."
+        prog="python -m adatracker_drone.sim.sitl", description="A simulated PX4 drone."
     )
     parser.add_argument("--port", type=_port, default=14540, help="UDP port of this machine to send to")
     parser.add_argument("--gcs", default="", help="a second link: udpout:ADDRESS:PORT")

@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 
 from pymavlink.dialects.v20 import common as mavlink
 
-from adatracker_drone import telemetry
-from adatracker_drone.packets import CURRENT_MODE
-from adatracker_drone.px4 import Result
-from adatracker_drone.telemetry import Instant, Message
+from adatracker_drone.protocol.packets import CURRENT_MODE
+from adatracker_drone.protocol.px4 import Result
+from adatracker_drone.sim import telemetry
+from adatracker_drone.sim.telemetry import Instant, Message
 
 _STREAMS: dict[int, tuple[Callable[[Instant], Message], float]] = {
     mavlink.MAVLINK_MSG_ID_HEARTBEAT: (telemetry.heartbeat, 1),

@@ -8,9 +8,9 @@ from typing import Any
 
 from pymavlink.dialects.v20 import common as mavlink
 
-from adatracker_drone.commander import Commander
-from adatracker_drone.dialect import CurrentMode
-from adatracker_drone.motion import HOME_ALTITUDE_M, HOME_LATITUDE_DEG, HOME_LONGITUDE_DEG, Motion
+from adatracker_drone.protocol.dialect import CurrentMode
+from adatracker_drone.sim.commander import Commander
+from adatracker_drone.sim.motion import HOME_ALTITUDE_M, HOME_LATITUDE_DEG, HOME_LONGITUDE_DEG, Motion
 
 Message = Any
 """One of pymavlink's generated message classes."""

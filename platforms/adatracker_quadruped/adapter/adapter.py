@@ -8,24 +8,25 @@ import time
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.milestone import milestone
-from adatracker_deploy.perception.camera import ROBOT
-from adatracker_deploy.platform import ZERO, Body, Check, Platform, PlatformState, Sitl, Twist, while_told
+from adatracker_deploy.core.camera import ROBOT
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import ZERO, PlatformState, Twist
+from adatracker_deploy.core.milestone import milestone
+from adatracker_deploy.core.stamps import while_told
+from adatracker_deploy.platform import Check, Platform
 from adatracker_deploy.runtime.suspend import SuspendWatch
-from adatracker_quadruped.camera_topic import with_camera
-from adatracker_quadruped.connection import Connection
-from adatracker_quadruped.keys import Keys
-from adatracker_quadruped.preflight import judge
-from adatracker_quadruped.settings import SitlSettings
-from adatracker_quadruped.survey import survey, until
-from adatracker_quadruped.wire import Wire
+from adatracker_quadruped.adapter.preflight import judge
+from adatracker_quadruped.adapter.survey import survey, until
+from adatracker_quadruped.adapter.transport import Wire
+from adatracker_quadruped.protocol.camera_topic import with_camera
+from adatracker_quadruped.protocol.connection import Connection
+from adatracker_quadruped.protocol.keys import Keys
 
 if TYPE_CHECKING:
-    from adatracker_deploy.perception.camera import Camera
-    from adatracker_deploy.profile import Profile
-    from adatracker_deploy.runtime.clock import Clock
-    from adatracker_quadruped.tap import Reading
+    from adatracker_deploy.config.profile import Profile
+    from adatracker_deploy.core.camera import Camera
+    from adatracker_deploy.core.clock import Clock
+    from adatracker_quadruped.adapter.subscriber import Reading
 
 _ZEROS = 3
 _ZERO_PERIOD_S = 0.02
@@ -35,7 +36,7 @@ _REST_M_S, _REST_RAD_S = 0.1, 0.2
 _LONGEST_REASON = 95
 
 
-class QuadrupedPlatform(Platform):
+class QuadrupedAdapter(Platform):
     """A walking robot behind Zenoh.
 
     Such a robot has nothing to switch on: to engage is to be sure that it listens and is heard. A stop
@@ -45,7 +46,6 @@ class QuadrupedPlatform(Platform):
     name = "quadruped"
     axes = frozenset({"vx", "vy", "yaw_rate"})
     Connection = Connection
-    SitlSettings = SitlSettings
     default_profile = "go2"
 
     def __init__(self, profile: Profile, clock: Clock) -> None:
@@ -218,23 +218,9 @@ class QuadrupedPlatform(Platform):
     @classmethod
     def camera(cls, profile: Profile, clock: Clock) -> Camera:
         """Return the robot's own camera: CompressedImage on the topic after ``robot://``."""
-        from adatracker_quadruped.camera import ZenohCamera
+        from adatracker_quadruped.adapter.camera import ZenohCamera
 
         return ZenohCamera(profile, clock)
-
-    @classmethod
-    def body(cls, profile: Profile) -> Body:
-        """Return the walking dynamics."""
-        from adatracker_quadruped.body import QuadrupedBody
-
-        return QuadrupedBody(profile.sitl)
-
-    @classmethod
-    def sitl(cls, profile: Profile) -> Sitl:
-        """Return a simulated robot, its camera with it, in a process of its own; needs the sitl extra."""
-        from adatracker_quadruped.sitl import QuadrupedSitl
-
-        return QuadrupedSitl(profile)
 
     def _connected(self) -> Wire:
         wire = self._wire

@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING
 import zenoh
 
 from adatracker_deploy.perception.zenoh_camera import CompressedImageCamera
-from adatracker_quadruped.camera_topic import with_camera
-from adatracker_quadruped.keys import Keys
-from adatracker_quadruped.session import open_session
-from adatracker_quadruped.sitl_keys import TRUTH_CAP_BYTES, SitlKeys, stamp_of, truth_of
+from adatracker_quadruped.protocol.camera_topic import with_camera
+from adatracker_quadruped.protocol.keys import Keys
+from adatracker_quadruped.protocol.rehearsal_keys import TRUTH_CAP_BYTES, SitlKeys, stamp_of, truth_of
+from adatracker_quadruped.protocol.session import open_session
 
 if TYPE_CHECKING:
-    from adatracker_deploy.messages import Truth
-    from adatracker_deploy.profile import Profile
-    from adatracker_deploy.runtime.clock import Clock
+    from adatracker_deploy.config.profile import Profile
+    from adatracker_deploy.core.clock import Clock
+    from adatracker_deploy.core.messages import Truth
 
 _TOKEN_TIMEOUT_S = 1.0
 _TRUTHS_KEPT = 8

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.platform import ZERO, Twist
-from adatracker_quadruped import sport
-from adatracker_quadruped.keys import Keys
-from adatracker_quadruped.messages import encode_twist, encode_twist_stamped
-from adatracker_quadruped.outlet import Outlet
+from adatracker_deploy.core.messages import ZERO, Twist
+from adatracker_quadruped.protocol import sport
+from adatracker_quadruped.protocol.keys import Keys
+from adatracker_quadruped.protocol.messages import encode_twist, encode_twist_stamped
+from adatracker_quadruped.protocol.publisher import Outlet
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     import zenoh
 
-    from adatracker_quadruped.connection import Connection
+    from adatracker_quadruped.protocol.connection import Connection
 
 
 class Commander:

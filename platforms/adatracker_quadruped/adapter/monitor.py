@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 import zenoh
 
-from adatracker_deploy.stamps import StampOrder
-from adatracker_quadruped.keys import Keys
-from adatracker_quadruped.messages import (
+from adatracker_deploy.core.stamps import StampOrder
+from adatracker_quadruped.adapter.subscriber import Tap
+from adatracker_quadruped.protocol.cdr import SMALL_CAP_BYTES
+from adatracker_quadruped.protocol.keys import Keys
+from adatracker_quadruped.protocol.messages import (
     Malformed,
     Odometry,
     decode_battery,
@@ -18,15 +20,13 @@ from adatracker_quadruped.messages import (
     decode_odometry,
     in_body,
 )
-from adatracker_quadruped.protocol import SMALL_CAP_BYTES
-from adatracker_quadruped.sitl_keys import SitlKeys
-from adatracker_quadruped.tap import Tap
+from adatracker_quadruped.protocol.rehearsal_keys import SitlKeys
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from adatracker_deploy.runtime.clock import Clock
-    from adatracker_quadruped.connection import Connection
+    from adatracker_deploy.core.clock import Clock
+    from adatracker_quadruped.protocol.connection import Connection
 
 
 class _Stamped(Protocol):

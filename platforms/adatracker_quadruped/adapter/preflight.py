@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from adatracker_deploy.platform import Check
 
 if TYPE_CHECKING:
-    from adatracker_quadruped.connection import Connection
+    from adatracker_quadruped.protocol.connection import Connection
 
 LARGEST_TILT_DEG = 30.0
 """A robot that leans further lies, or stands on a slope that it cannot be stopped on."""

@@ -15,7 +15,7 @@ import zenoh
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from adatracker_deploy.runtime.clock import Clock
+    from adatracker_deploy.core.clock import Clock
 
 T = TypeVar("T")
 

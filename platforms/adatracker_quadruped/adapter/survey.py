@@ -5,13 +5,13 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
-from adatracker_quadruped.preflight import Heard
+from adatracker_quadruped.adapter.preflight import Heard
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from adatracker_quadruped.watch import Watch
-    from adatracker_quadruped.wire import Wire
+    from adatracker_quadruped.adapter.monitor import Watch
+    from adatracker_quadruped.adapter.transport import Wire
 
 _LISTEN_S = 0.5
 """How long the odometry is counted at least."""

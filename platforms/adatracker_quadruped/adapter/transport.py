@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING
 
 import zenoh
 
-from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.runtime.ownership import Claim
-from adatracker_quadruped.commander import Commander
-from adatracker_quadruped.lease import Lease
-from adatracker_quadruped.session import open_session
-from adatracker_quadruped.sitl_keys import SitlKeys
-from adatracker_quadruped.watch import Watch
+from adatracker_quadruped.adapter.command_publisher import Commander
+from adatracker_quadruped.adapter.lease import Lease
+from adatracker_quadruped.adapter.monitor import Watch
+from adatracker_quadruped.protocol.rehearsal_keys import SitlKeys
+from adatracker_quadruped.protocol.session import open_session
 
 if TYPE_CHECKING:
-    from adatracker_deploy.runtime.clock import Clock
-    from adatracker_quadruped.connection import Connection
+    from adatracker_deploy.core.clock import Clock
+    from adatracker_quadruped.protocol.connection import Connection
 
 _POLL_S = 0.02
 _ANSWER_S = 0.3

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.perception.camera import ROBOT
+from adatracker_deploy.core.camera import ROBOT
+from adatracker_deploy.core.errors import UsageError
 
 if TYPE_CHECKING:
-    from adatracker_deploy.profile import Profile
-    from adatracker_quadruped.connection import Connection
+    from adatracker_deploy.config.profile import Profile
+    from adatracker_quadruped.protocol.connection import Connection
 
 
 def with_camera(profile: Profile) -> Connection:

@@ -6,8 +6,8 @@ import re
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.schema import Range
+from adatracker_deploy.config.schema import Range
+from adatracker_deploy.core.errors import UsageError
 
 _ENDPOINT = re.compile(r"(?:tcp|tls)/(?:[A-Za-z0-9_.-]+|\[[0-9A-Fa-f:.]+\]):([0-9]{1,5})")
 _ROS_NAME = re.compile(r"/?[A-Za-z_][A-Za-z0-9_]*(?:/[A-Za-z_][A-Za-z0-9_]*)*")

@@ -10,11 +10,12 @@ import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from adatracker_quadruped import protocol, sport
-from adatracker_quadruped.protocol import Malformed
+from adatracker_quadruped.protocol import cdr as protocol
+from adatracker_quadruped.protocol import sport
+from adatracker_quadruped.protocol.cdr import Malformed
 
 if TYPE_CHECKING:
-    from adatracker_quadruped.connection import Connection
+    from adatracker_quadruped.protocol.connection import Connection
 
 _COMMAND_TYPES = {
     "twist": protocol.TWIST,

@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from adatracker_deploy.geometry import Matrix, Pose
+from adatracker_deploy.core.geometry import Matrix, Pose
+from adatracker_deploy.core.messages import Twist
 from adatracker_deploy.perception.compressed_image import CompressedImage, read_compressed_image
-from adatracker_deploy.platform import Twist
-from adatracker_quadruped import protocol
-from adatracker_quadruped.parts import (
+from adatracker_quadruped.protocol import cdr as protocol
+from adatracker_quadruped.protocol.ros_types import (
     FASTEST,
     Triple,
     read_attitude,

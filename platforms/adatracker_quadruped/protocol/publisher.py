@@ -6,7 +6,7 @@ import uuid
 
 import zenoh
 
-from adatracker_quadruped.keys import attachment
+from adatracker_quadruped.protocol.keys import attachment
 
 
 class Outlet:

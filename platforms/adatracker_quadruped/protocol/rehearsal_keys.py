@@ -13,12 +13,12 @@ import enum
 import struct
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.faults import catalogue
+from adatracker_deploy.core import faults as catalogue
 from adatracker_deploy.perception.truth_wire import decode_truth, encode_truth
 
 if TYPE_CHECKING:
-    from adatracker_deploy.messages import Truth
-    from adatracker_quadruped.connection import Connection
+    from adatracker_deploy.core.messages import Truth
+    from adatracker_quadruped.protocol.connection import Connection
 
 TRUTH_CAP_BYTES = 1 << 20
 _STAMP = struct.Struct("<q")

@@ -10,9 +10,9 @@ import math
 from dataclasses import astuple
 from typing import Any
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.platform import Twist
-from adatracker_quadruped.protocol import STORE, TWIST, Malformed
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import Twist
+from adatracker_quadruped.protocol.cdr import STORE, TWIST, Malformed
 
 Triple = tuple[float, float, float]
 

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import zenoh
 
-from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.config.secret_file import check_secret
+from adatracker_deploy.core.errors import PlatformError, UsageError
 from adatracker_deploy.perception.zenoh_session import session_config
-from adatracker_deploy.secret_file import check_secret
 
 if TYPE_CHECKING:
-    from adatracker_quadruped.connection import Connection, Tls
+    from adatracker_quadruped.protocol.connection import Connection, Tls
 
 
 def zenoh_config(

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from rosbags.typesys import get_types_from_msg
 
-from adatracker_deploy.platform import Twist
-from adatracker_quadruped import protocol
-from adatracker_quadruped.parts import FASTEST, refuse_unwalkable
-from adatracker_quadruped.protocol import Malformed
+from adatracker_deploy.core.messages import Twist
+from adatracker_quadruped.protocol import cdr as protocol
+from adatracker_quadruped.protocol.cdr import Malformed
+from adatracker_quadruped.protocol.ros_types import FASTEST, refuse_unwalkable
 
 REQUEST = "unitree_api/msg/Request"
 STOP_MOVE = 1003

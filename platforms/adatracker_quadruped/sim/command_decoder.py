@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.platform import ZERO, Twist
-from adatracker_quadruped import sport
-from adatracker_quadruped.keys import Keys, parse_attachment
-from adatracker_quadruped.messages import Malformed, decode_twist, decode_twist_stamped
+from adatracker_deploy.core.messages import ZERO, Twist
+from adatracker_quadruped.protocol import sport
+from adatracker_quadruped.protocol.keys import Keys, parse_attachment
+from adatracker_quadruped.protocol.messages import Malformed, decode_twist, decode_twist_stamped
 
 if TYPE_CHECKING:
-    from adatracker_quadruped.connection import Connection
+    from adatracker_quadruped.protocol.connection import Connection
 
 STALE_S = 0.3
 """An older command is dropped."""

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.platform import ZERO, Twist
-from adatracker_deploy.world.bodies import DelayLine, GroundBody, along_arc, lag_share, within
-from adatracker_quadruped.gait import Gait
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import ZERO, Twist
+from adatracker_deploy.sim.bodies import DelayLine, GroundBody, along_arc, lag_share, within
+from adatracker_quadruped.sim.gait import Gait
 
 if TYPE_CHECKING:
-    from adatracker_quadruped.settings import SitlSettings
+    from adatracker_quadruped.sim.settings import SitlSettings
 
 _STEP_S = 0.01
 """Longest step of the integration: a trot has fifty of them to a cycle."""

@@ -6,8 +6,8 @@ import math
 import struct
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.platform import ZERO
-from adatracker_quadruped.messages import Malformed, decode_twist
+from adatracker_deploy.core.messages import ZERO
+from adatracker_quadruped.protocol.messages import Malformed, decode_twist
 
 if TYPE_CHECKING:
     import random

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from adatracker_deploy.geometry import Pose
+from adatracker_deploy.core.geometry import Pose
 
 if TYPE_CHECKING:
-    from adatracker_quadruped.settings import GaitSettings
+    from adatracker_quadruped.sim.settings import GaitSettings
 
 _HIP_X_M, _HIP_Y_M = 0.1934, 0.142
 """From the middle of the trunk to a foot below its hip: the Go2's, by its URDF (0.0465 + 0.0955 m aside)."""

@@ -6,17 +6,24 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from adatracker_quadruped.keys import Keys
-from adatracker_quadruped.messages import Imu, Odometry, encode_battery, encode_imu, encode_odometry, in_odom
-from adatracker_quadruped.outlet import Outlet
-from adatracker_quadruped.sitl_keys import Fault
+from adatracker_quadruped.protocol.keys import Keys
+from adatracker_quadruped.protocol.messages import (
+    Imu,
+    Odometry,
+    encode_battery,
+    encode_imu,
+    encode_odometry,
+    in_odom,
+)
+from adatracker_quadruped.protocol.publisher import Outlet
+from adatracker_quadruped.protocol.rehearsal_keys import Fault
 
 if TYPE_CHECKING:
     import zenoh
 
-    from adatracker_quadruped.body import QuadrupedBody
-    from adatracker_quadruped.connection import Connection
-    from adatracker_quadruped.settings import SitlSettings
+    from adatracker_quadruped.protocol.connection import Connection
+    from adatracker_quadruped.sim.dynamics import QuadrupedBody
+    from adatracker_quadruped.sim.settings import SitlSettings
 
 _BATTERY_HZ = 1.0
 _LOW = 0.05

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated
 
+from adatracker_deploy.config.schema import Range
 from adatracker_deploy.platform import CameraMount
-from adatracker_deploy.schema import Range
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

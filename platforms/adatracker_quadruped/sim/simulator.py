@@ -11,30 +11,30 @@ from typing import TYPE_CHECKING, Annotated
 import cv2
 import zenoh
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.far_end import Orders
-from adatracker_deploy.faults.catalogue import CAMERA_GONE, LINK_DROP
+from adatracker_deploy.config.schema import Range
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.faults import CAMERA_GONE, LINK_DROP
+from adatracker_deploy.core.messages import ZERO
 from adatracker_deploy.perception.compressed_image import CompressedImage
-from adatracker_deploy.platform import ZERO
-from adatracker_deploy.runtime.clock import MonotonicClock
 from adatracker_deploy.runtime.pacer import Pacer
-from adatracker_deploy.schema import Range
-from adatracker_deploy.world.rehearsal import Rehearsal, film
-from adatracker_quadruped.body import QuadrupedBody
-from adatracker_quadruped.connection import Connection
-from adatracker_quadruped.intake import STALE_S, Intake
-from adatracker_quadruped.keys import Keys
-from adatracker_quadruped.messages import encode_compressed_image
-from adatracker_quadruped.outlet import Outlet
-from adatracker_quadruped.senses import Senses
-from adatracker_quadruped.session import zenoh_config
-from adatracker_quadruped.settings import SitlSettings
-from adatracker_quadruped.sitl_keys import ORDERED, Fault, SitlKeys, encode_stamped_truth
+from adatracker_deploy.sim.process import Orders
+from adatracker_deploy.sim.rehearsal import Rehearsal, film
+from adatracker_quadruped.protocol.connection import Connection
+from adatracker_quadruped.protocol.keys import Keys
+from adatracker_quadruped.protocol.messages import encode_compressed_image
+from adatracker_quadruped.protocol.publisher import Outlet
+from adatracker_quadruped.protocol.rehearsal_keys import ORDERED, Fault, SitlKeys, encode_stamped_truth
+from adatracker_quadruped.protocol.session import zenoh_config
+from adatracker_quadruped.sim.command_decoder import STALE_S, Intake
+from adatracker_quadruped.sim.dynamics import QuadrupedBody
+from adatracker_quadruped.sim.sensors import Senses
+from adatracker_quadruped.sim.settings import SitlSettings
 
 if TYPE_CHECKING:
-    from adatracker_deploy.messages import Frame
+    from adatracker_deploy.core.clock import Clock
+    from adatracker_deploy.core.messages import Frame
     from adatracker_deploy.platform import Scenario
-    from adatracker_deploy.runtime.clock import Clock
 
 LOOK_HZ = 100.0
 """Looks at the channels per second of the machine's: how soon a stop is obeyed, too."""

@@ -2,7 +2,7 @@
 
 ``QuadrupedSitl`` starts it for a rehearsal. By hand, for a script or ROS 2 nodes of one's own::
 
-    python -m adatracker_quadruped.sitl --profile go2 --listen tcp/127.0.0.1:7447
+    python -m adatracker_quadruped.sim.sitl --profile go2 --listen tcp/127.0.0.1:7447
 
 Then anything can go wrong on demand, by a word on the key ``sitl/fault`` (`sitl_keys.Fault`), or by an
 order on stdin (`far_end.Orders`).
@@ -21,8 +21,12 @@ import secrets
 import sys
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.errors import PlatformError, UsageError
-from adatracker_deploy.far_end import (
+from adatracker_deploy.config.schema import parse
+from adatracker_deploy.core.camera import ROBOT
+from adatracker_deploy.core.errors import PlatformError, UsageError
+from adatracker_deploy.platform import Scenario, Sitl
+from adatracker_deploy.registry import load_platform, load_profile
+from adatracker_deploy.sim.process import (
     FarEndProcess,
     Orders,
     add_arguments,
@@ -31,17 +35,13 @@ from adatracker_deploy.far_end import (
     lifeline,
     refuse,
 )
-from adatracker_deploy.perception.camera import ROBOT
-from adatracker_deploy.platform import Scenario, Sitl
-from adatracker_deploy.profile import load_profile
-from adatracker_deploy.schema import parse
-from adatracker_quadruped.camera_topic import with_camera
-from adatracker_quadruped.sitl_keys import ON_DEMAND
+from adatracker_quadruped.protocol.camera_topic import with_camera
+from adatracker_quadruped.protocol.rehearsal_keys import ON_DEMAND
 
 if TYPE_CHECKING:
-    from adatracker_deploy.profile import Profile
-    from adatracker_deploy.runtime.clock import Clock
-    from adatracker_quadruped.far_end import FarEnd, Robot
+    from adatracker_deploy.config.profile import Profile
+    from adatracker_deploy.core.clock import Clock
+    from adatracker_quadruped.sim.simulator import FarEnd, Robot
 
 _ANYWHERE = "tcp/127.0.0.1:0"
 _LISTEN = re.compile(r"tcp/127\.0\.0\.1:([0-9]{1,5})")
@@ -59,7 +59,7 @@ class QuadrupedSitl(Sitl):
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
-        self._process = FarEndProcess("adatracker_quadruped.sitl", "simulated quadruped")
+        self._process = FarEndProcess("adatracker_quadruped.sim.sitl", "simulated quadruped")
 
     @property
     def pid(self) -> int | None:
@@ -139,19 +139,18 @@ def main(argv: list[str] | None = None) -> int:
 
 def _robot(args: argparse.Namespace) -> Robot:
     _require_mujoco()
-    from adatracker_quadruped.far_end import Robot
-    from adatracker_quadruped.platform import QuadrupedPlatform
+    from adatracker_quadruped.sim.simulator import Robot
 
     if args.robot:
         return parse(Robot, json.loads(args.robot), where="--robot")
-    profile = _with_robots_camera(load_profile(args.profile, QuadrupedPlatform))
+    profile = _with_robots_camera(load_profile(args.profile, load_platform("quadruped")))
     connection = dataclasses.replace(with_camera(profile), tls=None)
     return Robot(connection=connection, sitl=profile.sitl, camera_hz=profile.camera.rate_hz)
 
 
 def _power_on(robot: Robot, args: argparse.Namespace, orders: Orders) -> tuple[FarEnd, str]:
     """Return the robot and where it listens; for port 0 that is whichever it can bind itself, and so owns."""
-    from adatracker_quadruped.far_end import FarEnd
+    from adatracker_quadruped.sim.simulator import FarEnd
 
     scenario = Scenario(scene=args.scene, target_speed_m_s=args.target_speed, seed=args.seed)
     endpoints = [args.listen]
@@ -181,7 +180,7 @@ def _loopback(text: str) -> str:
 
 def _arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m adatracker_quadruped.sitl", description="A simulated walking robot."
+        prog="python -m adatracker_quadruped.sim.sitl", description="A simulated walking robot."
     )
     parser.add_argument("--profile", default="go2", help="name or file of the robot's profile")
     parser.add_argument(

@@ -11,14 +11,14 @@ import threading
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.errors import PlatformError, UsageError
-from adatracker_deploy.milestone import milestone
-from adatracker_deploy.platform import Body, Check, Platform, PlatformState, Sitl, Twist, while_told
-from adatracker_wheeled.connection import Connection
-from adatracker_wheeled.engaging import enable
-from adatracker_wheeled.hearing import Heard, Trouble
-from adatracker_wheeled.helm import Helm
-from adatracker_wheeled.preflight import (
+from adatracker_deploy.core.errors import PlatformError, UsageError
+from adatracker_deploy.core.messages import PlatformState, Twist
+from adatracker_deploy.core.milestone import milestone
+from adatracker_deploy.core.stamps import while_told
+from adatracker_deploy.platform import Check, Platform
+from adatracker_wheeled.adapter.authority import Helm
+from adatracker_wheeled.adapter.engage import enable
+from adatracker_wheeled.adapter.preflight import (
     battery_check,
     control_check,
     frames_check,
@@ -26,12 +26,13 @@ from adatracker_wheeled.preflight import (
     status_checks,
     timeout_check,
 )
-from adatracker_wheeled.settings import SitlSettings
-from adatracker_wheeled.wire import Wire
+from adatracker_wheeled.adapter.receiver import Heard, Trouble
+from adatracker_wheeled.adapter.transport import Wire
+from adatracker_wheeled.protocol.connection import Connection
 
 if TYPE_CHECKING:
-    from adatracker_deploy.profile import Profile
-    from adatracker_deploy.runtime.clock import Clock
+    from adatracker_deploy.config.profile import Profile
+    from adatracker_deploy.core.clock import Clock
 
 _DISABLE_TIMEOUT_S = 0.2
 _REST_TIMEOUT_S = 3.0
@@ -41,7 +42,7 @@ _BATTERY_PERIODS = 5
 """So many charges that do not come are a charge that is not told any more."""
 
 
-class WheeledPlatform(Platform):
+class WheeledAdapter(Platform):
     """A base behind a CAN bus.
 
     After a takeover (by remote control, or into a mode that nobody here asked for) the base is whoever's took
@@ -51,7 +52,6 @@ class WheeledPlatform(Platform):
     name = "wheeled"
     axes = frozenset({"vx", "yaw_rate"})
     Connection = Connection
-    SitlSettings = SitlSettings
     default_profile = "scout"
 
     def __init__(self, profile: Profile, clock: Clock) -> None:
@@ -220,20 +220,6 @@ class WheeledPlatform(Platform):
                     wire.close()
             finally:
                 self._closing = False
-
-    @classmethod
-    def body(cls, profile: Profile) -> Body:
-        """Return the base's dynamics."""
-        from adatracker_wheeled.body import WheeledBody
-
-        return WheeledBody(profile.sitl, profile.connection.roles)
-
-    @classmethod
-    def sitl(cls, profile: Profile) -> Sitl:
-        """Return a simulated base behind a socketcand, in a process of its own; needs the sitl extra."""
-        from adatracker_wheeled.sitl import WheeledSitl
-
-        return WheeledSitl(profile)
 
     def _watch(self) -> None:
         """Stop for trouble as soon as it is heard, from the receive thread."""

@@ -9,11 +9,11 @@ from __future__ import annotations
 import threading
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.errors import PlatformError
+from adatracker_deploy.core.errors import PlatformError
 
 if TYPE_CHECKING:
-    from adatracker_wheeled.hearing import Trouble
-    from adatracker_wheeled.wire import Wire
+    from adatracker_wheeled.adapter.receiver import Trouble
+    from adatracker_wheeled.adapter.transport import Wire
 
 _LONGEST_REASON = 95
 """As `PlatformState.stopped` promises."""

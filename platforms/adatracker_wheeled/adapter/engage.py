@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.platform import ZERO
-from adatracker_wheeled.hearing import unfit
-from adatracker_wheeled.preflight import NOT_OURS
-from adatracker_wheeled.transmitter import ZEROS
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import ZERO
+from adatracker_wheeled.adapter.preflight import NOT_OURS
+from adatracker_wheeled.adapter.receiver import unfit
+from adatracker_wheeled.adapter.transmitter import ZEROS
 
 if TYPE_CHECKING:
-    from adatracker_deploy.runtime.clock import Clock
-    from adatracker_wheeled.connection import Connection
-    from adatracker_wheeled.hearing import Heard
-    from adatracker_wheeled.helm import Helm
-    from adatracker_wheeled.wire import Wire
+    from adatracker_deploy.core.clock import Clock
+    from adatracker_wheeled.adapter.authority import Helm
+    from adatracker_wheeled.adapter.receiver import Heard
+    from adatracker_wheeled.adapter.transport import Wire
+    from adatracker_wheeled.protocol.connection import Connection
 
 _TICK_NS = 20_000_000
 _LISTEN_S = 0.1

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 
-from adatracker_deploy.geometry import Pose, wrap_angle
-from adatracker_deploy.platform import Twist
+from adatracker_deploy.core.geometry import Pose, wrap_angle
+from adatracker_deploy.core.messages import Twist
 
 LONGEST_STEP_S = 0.5
 """Nothing is known of what happened in a longer silence, and nothing is guessed: the pose stays."""

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 from adatracker_deploy.platform import Check
 
 if TYPE_CHECKING:
-    from adatracker_wheeled.hearing import Heard, Trouble
-    from adatracker_wheeled.roles import Timing
+    from adatracker_wheeled.adapter.receiver import Heard, Trouble
+    from adatracker_wheeled.protocol.roles import Timing
 
 NOT_OURS = (
     "the base is enabled already, and not by a run of yours that was killed: end the program that commands "

@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from adatracker_wheeled.dead_reckoning import LONGEST_STEP_S, DeadReckoning
-from adatracker_wheeled.protocol import Malformed
+from adatracker_wheeled.adapter.odometry import LONGEST_STEP_S, DeadReckoning
+from adatracker_wheeled.protocol.frames import Malformed
 
 if TYPE_CHECKING:
-    from adatracker_deploy.geometry import Pose
-    from adatracker_deploy.platform import Twist
-    from adatracker_wheeled.codec import Codec
-    from adatracker_wheeled.protocol import BaseStatus, CanFrame
-    from adatracker_wheeled.roles import Roles, Timing
+    from adatracker_deploy.core.geometry import Pose
+    from adatracker_deploy.core.messages import Twist
+    from adatracker_wheeled.protocol.codec import Codec
+    from adatracker_wheeled.protocol.frames import BaseStatus, CanFrame
+    from adatracker_wheeled.protocol.roles import Roles, Timing
 
 _REST_M_S, _REST_RAD_S = 0.05, 0.1
 """Measured motion below both is rest."""

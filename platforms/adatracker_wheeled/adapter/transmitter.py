@@ -11,13 +11,13 @@ import threading
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.platform import ZERO, Twist
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import ZERO, Twist
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from adatracker_deploy.runtime.clock import Clock
+    from adatracker_deploy.core.clock import Clock
 
 _SLACK = 0.25
 """Of a period: the next command may be so late, for a repeat just before it would hold it up."""

@@ -7,23 +7,24 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.platform import ZERO
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import ZERO
 from adatracker_deploy.runtime.charge import ChargeMark
 from adatracker_deploy.runtime.ownership import Claim
 from adatracker_deploy.runtime.suspend import SuspendWatch
-from adatracker_wheeled.bus import Bus
-from adatracker_wheeled.codec import Codec
-from adatracker_wheeled.hearing import Ear, Heard, Trouble, rival, trouble
-from adatracker_wheeled.transmitter import Transmitter
+from adatracker_wheeled.adapter.receiver import Ear, Heard, Trouble, rival, trouble
+from adatracker_wheeled.adapter.transmitter import Transmitter
+from adatracker_wheeled.protocol.bus import Bus
+from adatracker_wheeled.protocol.codec import Codec
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from adatracker_deploy.platform import Limits, Twist
-    from adatracker_deploy.runtime.clock import Clock
-    from adatracker_wheeled.connection import Connection
-    from adatracker_wheeled.protocol import CanFrame
+    from adatracker_deploy.config.limits import Limits
+    from adatracker_deploy.core.clock import Clock
+    from adatracker_deploy.core.messages import Twist
+    from adatracker_wheeled.protocol.connection import Connection
+    from adatracker_wheeled.protocol.frames import CanFrame
 
 _TICK_NS = 20_000_000
 _RIVAL_S = 0.5

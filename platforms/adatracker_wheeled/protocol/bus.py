@@ -17,14 +17,14 @@ from typing import TYPE_CHECKING, Any
 
 import can
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_wheeled.driver import line_of, open_driver
-from adatracker_wheeled.protocol import CanFrame
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_wheeled.protocol.bus_driver import line_of, open_driver
+from adatracker_wheeled.protocol.frames import CanFrame
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from adatracker_wheeled.connection import Connection
+    from adatracker_wheeled.protocol.connection import Connection
 
 STUCK_S = 0.1
 """A bus that takes no frame for so long is lost."""

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import can
 
-from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.core.errors import PlatformError, UsageError
 
 if TYPE_CHECKING:
-    from adatracker_wheeled.connection import Connection
+    from adatracker_wheeled.protocol.connection import Connection
 
 logging.getLogger("can").addHandler(logging.NullHandler())  # errors are raised; no second line on stderr
 

@@ -11,15 +11,16 @@ from contextlib import contextmanager
 from functools import partial
 from itertools import product
 
-from adatracker_deploy.errors import PlatformError, UsageError
-from adatracker_deploy.platform import Limits, Twist
-from adatracker_wheeled.dbc import Database, Layout, Raw
-from adatracker_wheeled.dispatch import Dispatch, Gather, Reader, Told
-from adatracker_wheeled.drive import CREEP_M_S, Drive
-from adatracker_wheeled.part import Link, Part, Quantities
-from adatracker_wheeled.protocol import BaseStatus, CanFrame, Demand, Malformed, Reading
-from adatracker_wheeled.roles import Fixed, Linked, Roles
-from adatracker_wheeled.status import StatusCodec, worst
+from adatracker_deploy.config.limits import Limits
+from adatracker_deploy.core.errors import PlatformError, UsageError
+from adatracker_deploy.core.messages import Twist
+from adatracker_wheeled.protocol.dbc import Database, Layout, Raw
+from adatracker_wheeled.protocol.dispatch import Dispatch, Gather, Reader, Told
+from adatracker_wheeled.protocol.frames import BaseStatus, CanFrame, Demand, Malformed, Reading
+from adatracker_wheeled.protocol.kinematics import CREEP_M_S, Drive
+from adatracker_wheeled.protocol.message_codec import Link, Part, Quantities
+from adatracker_wheeled.protocol.roles import Fixed, Linked, Roles
+from adatracker_wheeled.protocol.status import StatusCodec, worst
 
 FASTEST = 100.0
 """Nothing above this, in m/s or rad/s, is a command for a base."""

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.schema import Range
-from adatracker_wheeled.roles import Roles
+from adatracker_deploy.config.schema import Range
+from adatracker_deploy.core.errors import UsageError
+from adatracker_wheeled.protocol.roles import Roles
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

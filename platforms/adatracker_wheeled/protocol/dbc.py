@@ -15,9 +15,9 @@ from typing import Any
 
 import cantools
 
-from adatracker_deploy.errors import UsageError
-from adatracker_wheeled.checksum import agilex_v1
-from adatracker_wheeled.protocol import CanFrame, Malformed
+from adatracker_deploy.core.errors import UsageError
+from adatracker_wheeled.protocol.checksum import agilex_v1
+from adatracker_wheeled.protocol.frames import CanFrame, Malformed
 
 Raw = int | float
 """A signal's number as its bits say it: int, or float for an IEEE 754 signal."""

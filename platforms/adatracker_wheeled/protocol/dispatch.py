@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, Generic, TypeVar
 
-from adatracker_deploy.errors import UsageError
-from adatracker_wheeled.dbc import Layout, Raw
-from adatracker_wheeled.part import Part, Quantities
-from adatracker_wheeled.protocol import CanFrame
+from adatracker_deploy.core.errors import UsageError
+from adatracker_wheeled.protocol.dbc import Layout, Raw
+from adatracker_wheeled.protocol.frames import CanFrame
+from adatracker_wheeled.protocol.message_codec import Part, Quantities
 
 T = TypeVar("T")
 Told = dict[str, Any]

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from adatracker_deploy.platform import Twist
+from adatracker_deploy.core.messages import Twist
 
 Mode = Literal["standby", "ours", "remote", "unknown"]
 """Who drives the base: nobody, this toolkit, somebody with a transmitter, or none of the values known."""

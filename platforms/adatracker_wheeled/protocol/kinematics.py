@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from adatracker_deploy.platform import Twist
-from adatracker_wheeled.roles import Steering, Wheels
+from adatracker_deploy.core.messages import Twist
+from adatracker_wheeled.protocol.roles import Steering, Wheels
 
 CREEP_M_S = 0.01
 """Slower than this a base that steers like a car turns nothing, and its wheels are kept straight."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from adatracker_deploy.errors import UsageError
-from adatracker_wheeled.dbc import Layout, Raw, Signal
-from adatracker_wheeled.roles import WHEEL_ANGLES, Fixed, Linked, Scaled, Wheels, at_rim
+from adatracker_deploy.core.errors import UsageError
+from adatracker_wheeled.protocol.dbc import Layout, Raw, Signal
+from adatracker_wheeled.protocol.roles import WHEEL_ANGLES, Fixed, Linked, Scaled, Wheels, at_rim
 
 Quantities = dict[str, float]
 """Values by their name in `roles`, wheels in metres of the rim."""

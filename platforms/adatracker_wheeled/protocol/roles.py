@@ -11,8 +11,8 @@ import math
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.schema import Range
+from adatracker_deploy.config.schema import Range
+from adatracker_deploy.core.errors import UsageError
 
 _ANGLE_RAD = {"rad": 1.0, "turns": math.tau}
 WHEEL_ANGLES = {

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from adatracker_deploy.errors import UsageError
-from adatracker_wheeled.dbc import Layout, Raw, Signal
-from adatracker_wheeled.protocol import BaseStatus, Mode
-from adatracker_wheeled.roles import State, named_bits
+from adatracker_deploy.core.errors import UsageError
+from adatracker_wheeled.protocol.dbc import Layout, Raw, Signal
+from adatracker_wheeled.protocol.frames import BaseStatus, Mode
+from adatracker_wheeled.protocol.roles import State, named_bits
 
 _NAMES: dict[Mode, str] = {"ours": "commanded", "standby": "standby", "remote": "remote control"}
 _WORST_FIRST: tuple[Mode, ...] = ("remote", "unknown", "standby", "ours")

@@ -5,13 +5,13 @@ from __future__ import annotations
 import threading
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.faults.catalogue import CAMERA_FREEZE, CAMERA_GONE
+from adatracker_deploy.core.faults import CAMERA_FREEZE, CAMERA_GONE
 from adatracker_deploy.perception.mjpeg_server import MjpegServer
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from adatracker_deploy.messages import Frame
+    from adatracker_deploy.core.messages import Frame
 
 
 class FailingCamera:

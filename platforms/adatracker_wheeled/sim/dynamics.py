@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.platform import ZERO, Twist
-from adatracker_deploy.world.bodies import DelayLine, GroundBody, along_arc, lag_share, within
-from adatracker_wheeled.drive import Drive
-from adatracker_wheeled.roles import Wheels
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import ZERO, Twist
+from adatracker_deploy.sim.bodies import DelayLine, GroundBody, along_arc, lag_share, within
+from adatracker_wheeled.protocol.kinematics import Drive
+from adatracker_wheeled.protocol.roles import Wheels
 
 if TYPE_CHECKING:
-    from adatracker_wheeled.roles import Roles
-    from adatracker_wheeled.settings import SitlSettings
+    from adatracker_wheeled.protocol.roles import Roles
+    from adatracker_wheeled.sim.settings import SitlSettings
 
 _TRACK_M = 0.5
 """Of a base whose profile does not tell it: nothing on its wire depends on it."""

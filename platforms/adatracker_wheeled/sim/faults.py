@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import get_args
 
-from adatracker_deploy.faults.catalogue import (
+from adatracker_deploy.core.faults import (
     BATTERY_LOW,
     CAMERA_FREEZE,
     CAMERA_GONE,
@@ -18,8 +18,8 @@ from adatracker_deploy.faults.catalogue import (
     TAKEOVER,
     Fault,
 )
-from adatracker_wheeled.protocol import CanFrame
-from adatracker_wheeled.settings import FaultName
+from adatracker_wheeled.protocol.frames import CanFrame
+from adatracker_wheeled.sim.settings import FaultName
 
 INJECTION_ID = 0x1ADAFA17
 

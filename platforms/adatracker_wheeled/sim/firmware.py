@@ -10,16 +10,16 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.platform import ZERO, Twist
-from adatracker_wheeled.codec import Codec
-from adatracker_wheeled.injection import parse_injection
-from adatracker_wheeled.protocol import BaseStatus, CanFrame, Malformed, Mode, Reading
+from adatracker_deploy.core.messages import ZERO, Twist
+from adatracker_wheeled.protocol.codec import Codec
+from adatracker_wheeled.protocol.frames import BaseStatus, CanFrame, Malformed, Mode, Reading
+from adatracker_wheeled.sim.faults import parse_injection
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from adatracker_wheeled.roles import Roles
-    from adatracker_wheeled.settings import FaultName, SitlSettings
+    from adatracker_wheeled.protocol.roles import Roles
+    from adatracker_wheeled.sim.settings import FaultName, SitlSettings
 
 _EMPTY_V, _FULL_V = 21.0, 29.4
 """Of a battery of seven lithium cells."""

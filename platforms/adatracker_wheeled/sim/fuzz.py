@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from adatracker_wheeled.protocol import CanFrame
+from adatracker_wheeled.protocol.frames import CanFrame
 
 if TYPE_CHECKING:
     import random

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
+from adatracker_deploy.config.schema import Range
 from adatracker_deploy.platform import CameraMount
-from adatracker_deploy.schema import Range
 
 FaultName = Literal[
     "remote", "emergency_stop", "fault", "silence", "frozen_feedback", "frozen_state", "low_battery"

@@ -8,22 +8,22 @@ import time
 from collections import deque
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.far_end import Orders
-from adatracker_deploy.platform import ZERO
-from adatracker_deploy.world.rehearsal import Rehearsal
-from adatracker_wheeled.base import Base
-from adatracker_wheeled.body import WheeledBody
-from adatracker_wheeled.codec import Codec
-from adatracker_wheeled.injection import FAULT_NAMES, FOREIGN_COMMANDS
+from adatracker_deploy.core.messages import ZERO
+from adatracker_deploy.sim.process import Orders
+from adatracker_deploy.sim.rehearsal import Rehearsal
+from adatracker_wheeled.protocol.codec import Codec
+from adatracker_wheeled.sim.dynamics import WheeledBody
+from adatracker_wheeled.sim.faults import FAULT_NAMES, FOREIGN_COMMANDS
+from adatracker_wheeled.sim.firmware import Base
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from adatracker_deploy.core.clock import Clock
     from adatracker_deploy.platform import Scenario
-    from adatracker_deploy.runtime.clock import Clock
-    from adatracker_wheeled.protocol import CanFrame
-    from adatracker_wheeled.roles import Roles
-    from adatracker_wheeled.settings import SitlSettings
+    from adatracker_wheeled.protocol.frames import CanFrame
+    from adatracker_wheeled.protocol.roles import Roles
+    from adatracker_wheeled.sim.settings import SitlSettings
 
 STEP_S = 0.01
 """Of the body and of its controller."""

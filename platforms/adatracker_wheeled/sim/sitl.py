@@ -2,8 +2,8 @@
 
 ``WheeledSitl`` starts it for a rehearsal. By hand, for a script or another tool of one's own::
 
-    python -m adatracker_wheeled.sitl --profile scout --port 28700
-    python -m adatracker_wheeled.sitl --profile scout --interface socketcan --channel vcan0
+    python -m adatracker_wheeled.sim.sitl --profile scout --port 28700
+    python -m adatracker_wheeled.sim.sitl --profile scout --interface socketcan --channel vcan0
 
 `injection` tells how to make things go wrong while it runs, on the bus or by an order on stdin
 (`far_end.Orders`); any browser shows its camera.
@@ -20,8 +20,12 @@ import secrets
 import sys
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.errors import PlatformError, UsageError
-from adatracker_deploy.far_end import (
+from adatracker_deploy.config.schema import parse
+from adatracker_deploy.core.errors import PlatformError, UsageError
+from adatracker_deploy.core.faults import LINK_DROP
+from adatracker_deploy.platform import Scenario, Sitl
+from adatracker_deploy.registry import load_platform, load_profile
+from adatracker_deploy.sim.process import (
     FarEndProcess,
     Orders,
     add_arguments,
@@ -30,21 +34,17 @@ from adatracker_deploy.far_end import (
     lifeline,
     refuse,
 )
-from adatracker_deploy.faults.catalogue import LINK_DROP
-from adatracker_deploy.platform import Scenario, Sitl
-from adatracker_deploy.profile import load_profile
-from adatracker_deploy.schema import parse
-from adatracker_wheeled.connection import Connection
-from adatracker_wheeled.injection import ON_DEMAND
-from adatracker_wheeled.settings import SitlSettings
+from adatracker_wheeled.protocol.connection import Connection
+from adatracker_wheeled.sim.faults import ON_DEMAND
+from adatracker_wheeled.sim.settings import SitlSettings
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from adatracker_deploy.profile import Profile
-    from adatracker_deploy.runtime.clock import Clock
-    from adatracker_wheeled.far_end import FarEnd
-    from adatracker_wheeled.protocol import CanFrame
+    from adatracker_deploy.config.profile import Profile
+    from adatracker_deploy.core.clock import Clock
+    from adatracker_wheeled.protocol.frames import CanFrame
+    from adatracker_wheeled.sim.simulator import FarEnd
 
 STOP_TIMEOUT_S = 15.0
 """The far end gives up on coming to rest a little sooner by itself (`far_end.LINGER_S`)."""
@@ -59,7 +59,7 @@ class WheeledSitl(Sitl):
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
-        self._process = FarEndProcess("adatracker_wheeled.sitl", "simulated base", STOP_TIMEOUT_S)
+        self._process = FarEndProcess("adatracker_wheeled.sim.sitl", "simulated base", STOP_TIMEOUT_S)
 
     @property
     def pid(self) -> int | None:
@@ -118,9 +118,9 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _run(args: argparse.Namespace) -> int:
-    from adatracker_deploy.world.rehearsal import film
-    from adatracker_wheeled.failing_camera import FailingCamera
-    from adatracker_wheeled.far_end import FarEnd
+    from adatracker_deploy.sim.rehearsal import film
+    from adatracker_wheeled.sim.camera import FailingCamera
+    from adatracker_wheeled.sim.simulator import FarEnd
 
     _check_ports(args)
     connection, settings, rate_hz = _described(args)
@@ -150,9 +150,7 @@ def _check_ports(args: argparse.Namespace) -> None:
 def _described(args: argparse.Namespace) -> tuple[Connection, SitlSettings, float]:
     """Return the base by its two sections, or by the profile that was named."""
     if args.connection is None or args.settings is None:
-        from adatracker_wheeled.platform import WheeledPlatform
-
-        profile = load_profile(args.profile, WheeledPlatform)
+        profile = load_profile(args.profile, load_platform("wheeled"))
         return profile.connection, profile.sitl, args.camera_rate_hz or profile.camera.rate_hz
     return (
         parse(Connection, json.loads(args.connection), where="connection"),
@@ -170,13 +168,13 @@ def _bus(
 ) -> tuple[Callable[[CanFrame], object], int]:
     """Return how the base puts frames on its bus, and the TCP port of that bus, if it has one."""
     if args.interface:
-        from adatracker_wheeled.bus import Bus
+        from adatracker_wheeled.protocol.bus import Bus
 
         on_it = dataclasses.replace(connection, interface=args.interface, channel=args.channel)
         bus = Bus.open(on_it, lambda frame: far_end.hear(frame) if frame else None)
         stack.callback(bus.close)
         return bus.send, 0
-    from adatracker_wheeled.socketcand import SocketcandServer
+    from adatracker_wheeled.sim.socketcand import SocketcandServer
 
     try:
         server = SocketcandServer(args.port, far_end.hear, args.rehearsal_token)
@@ -194,7 +192,7 @@ def _require_libraries() -> None:
 
 def _arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m adatracker_wheeled.sitl", description="A simulated wheeled base."
+        prog="python -m adatracker_wheeled.sim.sitl", description="A simulated wheeled base."
     )
     parser.add_argument("--profile", default="scout", help="the base: a name or a file")
     parser.add_argument("--port", type=int, default=0, help="of its socketcand; 0 takes any free one")

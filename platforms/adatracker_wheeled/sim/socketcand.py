@@ -13,7 +13,7 @@ import threading
 import time
 from typing import TYPE_CHECKING, Literal
 
-from adatracker_wheeled.protocol import CanFrame
+from adatracker_wheeled.protocol.frames import CanFrame
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from adatracker_deploy.cli import main
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.data import collect as module
 from adatracker_deploy.learning.data import shard as shards
 from adatracker_deploy.learning.data.collect import collect, perturbed_episode

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.data import shard as module
 from adatracker_deploy.learning.data.dataset import Dataset
 from adatracker_deploy.learning.data.shard import (

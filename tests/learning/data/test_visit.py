@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.data.dataset import Dataset
 from adatracker_deploy.learning.data.shard import unpack_masks
 from adatracker_deploy.learning.data.visit import collect_visited, visit

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import yaml
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.perception.models.catalogue import open_model
 from tests.perception.models import graphs
 

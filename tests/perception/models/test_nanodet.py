@@ -10,7 +10,7 @@ import onnx
 import pytest
 from onnx import TensorProto, helper, numpy_helper
 
-from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.core.errors import PlatformError, UsageError
 from adatracker_deploy.perception.models.coco import COCO80
 from adatracker_deploy.perception.models.model_file import read_model_file
 from adatracker_deploy.perception.models.nanodet import NanoDet

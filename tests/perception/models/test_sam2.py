@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.perception.models.catalogue import open_model
 from adatracker_deploy.perception.models.memory_bank import MemoryBank, Remembered
 from adatracker_deploy.perception.models.sight import Sight

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.core.errors import PlatformError, UsageError
 from adatracker_deploy.perception.models.model_file import read_model_file
 from adatracker_deploy.perception.models.selfie import SelfieMasks
 from tests.perception.models import graphs

@@ -9,7 +9,7 @@ import onnx
 import onnxruntime
 import pytest
 
-from adatracker_deploy.errors import PlatformError, UsageError
+from adatracker_deploy.core.errors import PlatformError, UsageError
 from adatracker_deploy.perception.models import model_file
 from adatracker_deploy.perception.models.catalogue import open_model
 from adatracker_deploy.perception.models.model_file import read_model_file

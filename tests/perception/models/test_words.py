@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.perception.models.catalogue import open_model
 from adatracker_deploy.perception.models.coco import COCO80
 from adatracker_deploy.perception.models.words import choose

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from adatracker_deploy.messages import TargetState
+from adatracker_deploy.core.messages import TargetState
 from adatracker_deploy.perception.target.lock import COAST_S, TargetLock
 from adatracker_deploy.perception.target.motion import STILL
 from tests.perception.target.walkers import (

@@ -12,8 +12,8 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.messages import Frame, MaskClass, TargetState
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.messages import Frame, MaskClass, TargetState
 from adatracker_deploy.perception.models.catalogue import open_model
 from adatracker_deploy.perception.roles import Instances, Propagated
 from adatracker_deploy.perception.segmenters import open_segmenter

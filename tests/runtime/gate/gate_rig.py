@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.limits import Limits
-from adatracker_deploy.platform import ZERO, PlatformState, Twist
+from adatracker_deploy.config.limits import Limits
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import ZERO, PlatformState, Twist
 from adatracker_deploy.runtime.gate import GateState, Setpoint, Verdict, judge
 
 LIMITS = Limits(

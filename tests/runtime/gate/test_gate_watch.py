@@ -7,8 +7,8 @@ import math
 import pytest
 from gate_rig import LIMITS, WELL, Gate
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.platform import ZERO, PlatformState, Twist
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import ZERO, PlatformState, Twist
 from adatracker_deploy.runtime.gate import Reason, Stage, Stop, unwatched
 from adatracker_deploy.runtime.gate.place import STRAY_M
 

@@ -9,8 +9,8 @@ from gate_rig import LIMITS, START_NS
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.platform import ZERO, PlatformState, Twist
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import ZERO, PlatformState, Twist
 from adatracker_deploy.runtime.gate import GateState, Reason, Setpoint, Stage, judge
 from adatracker_deploy.runtime.gate.envelope import Envelope
 from adatracker_deploy.runtime.gate.judge import LONGEST_STEP_S

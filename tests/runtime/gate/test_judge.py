@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 from gate_rig import START_NS, STEP_S, WELL, Gate
 
-from adatracker_deploy.platform import ZERO, Twist
+from adatracker_deploy.core.messages import ZERO, Twist
 from adatracker_deploy.runtime.gate import GateState, Reason, Setpoint, Stage, Stop, judge
 from adatracker_deploy.runtime.gate.judge import LONGEST_STEP_S
 

@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 from gate_rig import LIMITS, START_NS, STEP_S, Gate
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.platform import ZERO, Twist
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import ZERO, Twist
 from adatracker_deploy.runtime.gate import GateState, Reason, Stage
 from adatracker_deploy.runtime.gate.envelope import Envelope, ramped
 

@@ -9,7 +9,7 @@ from gate_rig import LIMITS, STEP_S
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.platform import ZERO, Twist
+from adatracker_deploy.core.messages import ZERO, Twist
 from adatracker_deploy.runtime.gate.smooth import ARRIVED, approach, smooth
 
 A, J = 2.0, 20.0

@@ -11,8 +11,8 @@ from gate_rig import LIMITS, STEP_S, Gate
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.platform import ZERO, Twist
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import ZERO, Twist
 from adatracker_deploy.runtime.gate import Reason, Stop
 from adatracker_deploy.runtime.gate.track import DRIFT_M_S, JUMP_M, Track, fastest_m_s, follow
 

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.stats import exact
-from adatracker_deploy.stats.exact import fisher, permutation, sign_flip
+from adatracker_deploy.scoring.stats import exact
+from adatracker_deploy.scoring.stats.exact import fisher, permutation, sign_flip
 
 DARWINS_MAIZE = (49, -67, 8, 16, 6, 23, 28, 41, 14, 29, 56, 24, 75, 60, -48)
 few = st.lists(st.integers(-50, 50), min_size=1, max_size=5)

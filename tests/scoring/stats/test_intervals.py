@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.stats.intervals import (
+from adatracker_deploy.scoring.stats.intervals import (
     mean_estimate,
     mean_std,
     share_difference,

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.stats import running
-from adatracker_deploy.stats.running import ACCURACY, LEAST, MOST, RunningQuantiles, RunningSum
+from adatracker_deploy.scoring.stats import running
+from adatracker_deploy.scoring.stats.running import ACCURACY, LEAST, MOST, RunningQuantiles, RunningSum
 
 SHARES = (0.0, 0.01, 0.5, 0.9, 0.99, 1.0)
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.stats.survival import kaplan_meier, median_duration
+from adatracker_deploy.scoring.stats.survival import kaplan_meier, median_duration
 
 REMISSION = "6 6 6 6+ 7 9+ 10 10+ 11+ 13 16 17+ 19+ 20+ 22 23 25+ 32+ 32+ 34+ 35+"
 """Weeks in remission on 6-mercaptopurine, + censored: E. J. Freireich et al., Blood 21 (1963) 699-716."""

@@ -11,10 +11,10 @@ import queue
 import can
 import pytest
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.profile import load_profile
-from adatracker_wheeled.bus import Bus
-from adatracker_wheeled.protocol import CanFrame
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.registry import load_profile
+from adatracker_wheeled.protocol.bus import Bus
+from adatracker_wheeled.protocol.frames import CanFrame
 from tests.wheeled.uml.interfaces import add_vcan, remove, set_up
 
 WAIT_S = 10.0

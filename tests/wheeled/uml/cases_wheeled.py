@@ -11,10 +11,10 @@ import subprocess
 import sys
 
 import pytest
-
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.far_end import FarEndProcess
 from adatracker_wheeled.platform import WheeledPlatform
+
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.sim.process import FarEndProcess
 from tests.wheeled.uml.driver import CRUISE, PERIOD_NS, scout_on
 from tests.wheeled.uml.interfaces import add_vcan, remove, set_up
 from tests.wheeled.uml.live_base import CLOCK, LiveBase
@@ -69,7 +69,7 @@ def test_a_base_is_engaged_driven_held_and_disengaged(base, platform):
 
 
 def test_the_far_end_that_is_started_by_hand_serves_a_vcan():
-    far_end = FarEndProcess("adatracker_wheeled.sitl", "simulated base")
+    far_end = FarEndProcess("adatracker_wheeled.sim.sitl", "simulated base")
     try:
         far_end.start(CLOCK, ["--profile", "scout", "--interface", "socketcan", "--channel", "vcan0"])
         with WheeledPlatform(scout_on("vcan0"), CLOCK) as platform:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import dataclasses
 import sys
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.platform import Twist
-from adatracker_deploy.profile import Profile, load_profile
-from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_deploy.config.profile import Profile
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import Twist
+from adatracker_deploy.registry import load_profile
 from adatracker_wheeled.platform import WheeledPlatform
 
 CRUISE = Twist(vx=0.5)

@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING
 
 import can
 
-from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.runtime.pacer import Pacer
-from adatracker_wheeled.base import Base
-from adatracker_wheeled.body import WheeledBody
-from adatracker_wheeled.protocol import CanFrame
+from adatracker_wheeled.protocol.frames import CanFrame
+from adatracker_wheeled.sim.dynamics import WheeledBody
+from adatracker_wheeled.sim.firmware import Base
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from adatracker_deploy.profile import Profile
+    from adatracker_deploy.config.profile import Profile
 
 RATE_HZ = 100.0
 REST_M_S = 0.02

@@ -6,9 +6,9 @@ import dataclasses
 import math
 import random
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.platform import Twist
-from adatracker_deploy.world.bodies import KinematicBody
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import Twist
+from adatracker_deploy.sim.bodies import KinematicBody
 
 from adatracker_rover.settings import SitlSettings
 

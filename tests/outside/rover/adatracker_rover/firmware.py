@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.platform import ZERO
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import ZERO
 
 from adatracker_rover.body import RoverBody
 from adatracker_rover.protocol import Ask, Mode, Report, decode_request, encode_report

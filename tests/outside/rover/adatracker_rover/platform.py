@@ -12,8 +12,9 @@ import threading
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.platform import Body, Check, Platform, PlatformState, Sitl, Twist
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import PlatformState, Twist
+from adatracker_deploy.platform import Body, Check, Platform, Sitl
 
 from adatracker_rover.body import RoverBody
 from adatracker_rover.protocol import Ask, Mode, Report, Request, quantise
@@ -24,8 +25,8 @@ from adatracker_rover.wire import Wire
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from adatracker_deploy.profile import Profile
-    from adatracker_deploy.runtime.clock import Clock
+    from adatracker_deploy.config.profile import Profile
+    from adatracker_deploy.core.clock import Clock
 
 LONGEST_TIMEOUT_S = 0.5
 """At 1.5 m/s the rover rolls 0.75 m until its own time-out stops it, when all else has failed."""

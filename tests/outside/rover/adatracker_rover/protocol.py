@@ -16,8 +16,8 @@ import enum
 import struct
 from dataclasses import dataclass
 
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.platform import ZERO, Twist
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import ZERO, Twist
 
 _REQUEST = struct.Struct("<2sBxhh")
 _REPORT = struct.Struct("<2sBBHiihhh")

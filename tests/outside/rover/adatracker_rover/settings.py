@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from adatracker_deploy.schema import Range
-from adatracker_deploy.world.bodies import DriveSettings
+from adatracker_deploy.config.schema import Range
+from adatracker_deploy.sim.bodies import DriveSettings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,8 +13,12 @@ import socket
 import sys
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.far_end import (
+from adatracker_deploy.config.schema import parse
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.faults import ROBOT_SILENT
+from adatracker_deploy.platform import Sitl
+from adatracker_deploy.runtime.pacer import Pacer
+from adatracker_deploy.sim.process import (
     FarEndProcess,
     Orders,
     add_arguments,
@@ -23,10 +27,6 @@ from adatracker_deploy.far_end import (
     lifeline,
     refuse,
 )
-from adatracker_deploy.faults.catalogue import ROBOT_SILENT
-from adatracker_deploy.platform import Sitl
-from adatracker_deploy.runtime.pacer import Pacer
-from adatracker_deploy.schema import parse
 
 from adatracker_rover.firmware import Rover
 from adatracker_rover.settings import SitlSettings
@@ -34,9 +34,9 @@ from adatracker_rover.settings import SitlSettings
 if TYPE_CHECKING:
     import threading
 
+    from adatracker_deploy.config.profile import Profile
+    from adatracker_deploy.core.clock import Clock
     from adatracker_deploy.platform import Scenario
-    from adatracker_deploy.profile import Profile
-    from adatracker_deploy.runtime.clock import Clock
 
 RATE_HZ = 50.0
 """Of the rover's control loop and of its reports."""

@@ -2,7 +2,7 @@
 
 from typing import ClassVar
 
-from adatracker_deploy.platform import Twist
+from adatracker_deploy.core.messages import Twist
 from adatracker_deploy.testing.conformance import PlatformConformance
 
 from adatracker_rover.platform import RoverPlatform

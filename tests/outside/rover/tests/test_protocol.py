@@ -3,8 +3,8 @@
 import math
 
 import pytest
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.platform import Twist
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import Twist
 from hypothesis import given
 from hypothesis import strategies as st
 

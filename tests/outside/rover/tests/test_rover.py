@@ -6,10 +6,10 @@ import socket
 import threading
 
 import pytest
-from adatracker_deploy.errors import PlatformError, UsageError
-from adatracker_deploy.platform import ZERO, Twist
-from adatracker_deploy.profile import load_profile
-from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.errors import PlatformError, UsageError
+from adatracker_deploy.core.messages import ZERO, Twist
+from adatracker_deploy.registry import load_profile
 
 from adatracker_rover.firmware import Rover
 from adatracker_rover.platform import RoverPlatform

@@ -7,13 +7,13 @@ import contextlib
 import numpy as np
 import pytest
 
-from adatracker_deploy.errors import PlatformError
-from adatracker_deploy.geometry import Pose
-from adatracker_deploy.messages import Frame, Truth
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import Frame, Truth
 from adatracker_deploy.perception.mjpeg import MjpegCamera
 from adatracker_deploy.perception.watch import SILENT_AFTER_S
-from adatracker_deploy.runtime.clock import MonotonicClock
-from adatracker_wheeled.failing_camera import FailingCamera
+from adatracker_wheeled.sim.camera import FailingCamera
 
 CLOCK = MonotonicClock()
 TRUTH = Truth(np.ones((8, 8), np.uint8), Pose(), Pose(), (3.0, 4.0), 5.0, 0.5, collided=False)

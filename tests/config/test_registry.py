@@ -7,11 +7,10 @@ from importlib.metadata import EntryPoint
 
 import pytest
 
-from adatracker_deploy import platform as platform_module
+from adatracker_deploy import registry
 from adatracker_deploy.cli import main
-from adatracker_deploy.errors import UsageError
-from adatracker_deploy.platform import load_platform, platform_names
-from adatracker_deploy.profile import load_profile
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.registry import load_platform, load_profile, platform_names
 from adatracker_deploy.testing.fake import FakePlatform
 
 
@@ -50,8 +49,8 @@ def test_a_profile_of_another_robot_is_refused():
 
 def register(monkeypatch, value: str) -> None:
     """Let a package from outside name `value` as its robot."""
-    point = EntryPoint("rover", value, platform_module.ENTRY_POINT_GROUP)
-    monkeypatch.setattr(platform_module, "entry_points", lambda group: [point])
+    point = EntryPoint("rover", value, registry.ENTRY_POINT_GROUP)
+    monkeypatch.setattr(registry, "entry_points", lambda group: [point])
 
 
 def test_a_robot_from_outside_whose_library_is_missing_names_the_library(monkeypatch):
@@ -61,7 +60,7 @@ def test_a_robot_from_outside_whose_library_is_missing_names_the_library(monkeyp
 
 
 @pytest.mark.parametrize(
-    "value", ["adatracker_deploy.testing.fake:FakeRover", "adatracker_deploy.errors:UsageError"]
+    "value", ["adatracker_deploy.testing.fake:FakeRover", "adatracker_deploy.core.errors:UsageError"]
 )
 def test_an_entry_point_that_leads_to_no_robot_is_named(monkeypatch, value):
     register(monkeypatch, value)

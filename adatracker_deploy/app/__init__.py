@@ -1,0 +1,1 @@
+"""One trial, one viewing: the only rooms that know all the others."""

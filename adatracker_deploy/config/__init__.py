@@ -1,0 +1,1 @@
+"""Settings as typed, range-checked values: the schema, YAML, limits, profiles."""

@@ -1,0 +1,1 @@
+"""Values that travel, geometry, time and errors: what every other room may import."""

@@ -1,0 +1,32 @@
+"""The paper's task in numbers: where the robot should be, its reward, and when the target counts as seen.
+
+Source: AdaTracker, section "Experimental Setup", task setting and reward.
+"""
+
+from __future__ import annotations
+
+import math
+
+DESIRED_DISTANCE_M = 2.5
+"""rho* of the task setting."""
+MAX_DISTANCE_M = 7.5
+"""rho_max: the reward's scale, and as far as a target counts as visible."""
+MAX_BEARING_RAD = math.radians(45.0)
+"""theta_max: the reward's scale, and half of the 90 degree field of view."""
+MAX_LOST_STEPS = 50
+"""So many lost steps in a row end a trial."""
+
+
+def step_reward(distance_m: float, bearing_rad: float) -> float:
+    """Return the task's reward, 1 - |rho - 2.5| / 7.5 - |theta| / 45 deg: at most 1, unbounded below.
+
+    Args:
+        distance_m: horizontal distance to the target.
+        bearing_rad: its bearing from the robot's heading, in (-pi, pi].
+    """
+    return 1.0 - abs(distance_m - DESIRED_DISTANCE_M) / MAX_DISTANCE_M - abs(bearing_rad) / MAX_BEARING_RAD
+
+
+def target_visible(distance_m: float, bearing_rad: float, in_mask: bool) -> bool:
+    """Tell whether a step counts as seen in simulation: within 7.5 m and 90 degrees, and in the mask."""
+    return in_mask and distance_m <= MAX_DISTANCE_M and abs(bearing_rad) <= MAX_BEARING_RAD

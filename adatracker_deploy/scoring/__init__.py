@@ -1,0 +1,1 @@
+"""MR, EL, AR and SR: metrics, summaries, comparisons and their statistics."""
