@@ -86,7 +86,7 @@ _FASTEST_PERSON_M_S = 5.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
-    """What a rehearsal is about: a far end that carries its own camera puts its robot into this world."""
+    """What a rehearsal is about: a simulator that carries its own camera puts its robot into this world."""
 
     scene: str = "simple_room"
     target_speed_m_s: float = 1.0
@@ -101,7 +101,7 @@ class Scenario:
 
 
 class Sitl(abc.ABC):
-    """The simulated far end of a robot's wire, in a process of its own."""
+    """The simulator of a robot's wire, in a process of its own."""
 
     faults: tuple[Fault, ...] = ()
     """What can be made to go wrong with it, by `order`."""
@@ -110,19 +110,19 @@ class Sitl(abc.ABC):
 
     @abc.abstractmethod
     def start(self, clock: Clock, scenario: Scenario) -> Profile:
-        """Start the far end; return the profile whose connection, and camera if it has one, reach it.
+        """Start the simulator; return the profile whose connection, and camera if it has one, reach it.
 
         Raises:
             UsageError: a port is taken or an extra is missing.
-            PlatformError: the far end did not come up.
+            PlatformError: the simulator did not come up.
         """
 
     @abc.abstractmethod
     def close(self) -> None:
-        """End the far end, letting its robot come to rest first (a drone lands). May be called twice."""
+        """End the simulator, letting its robot come to rest first (a drone lands). May be called twice."""
 
-    def order(self, line: str) -> None:  # noqa: B027 -- for those whose far end can be made to fail
-        """Pass an order on to the running far end: ``begin`` or ``end`` one of `faults`, ``witness FILE``."""
+    def order(self, line: str) -> None:  # noqa: B027 -- for those whose simulator can be made to fail
+        """Pass a command on to the simulator: ``begin`` or ``end`` one of `faults`, ``witness FILE``."""
 
     def __enter__(self) -> Self:
         return self
@@ -227,7 +227,7 @@ class Platform(abc.ABC):
     @classmethod
     @abc.abstractmethod
     def sitl(cls, profile: Profile) -> Sitl:
-        """Return the far end that ``--sitl`` puts behind the wire."""
+        """Return the simulator that ``--sitl`` puts behind the wire."""
 
     def __enter__(self) -> Self:
         return self

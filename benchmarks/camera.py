@@ -2,7 +2,7 @@
 
 python benchmarks/camera.py [--seconds 10] [--rate 30]
 
-The far end's server and the reader share one process here, so CPU is of both: encoding, wire and decoding.
+The simulator's server and the reader share one process here, so CPU is of both: encoding, wire and decoding.
 The picture is smooth noise, about as hard to compress as a rendered room.
 """
 

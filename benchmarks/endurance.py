@@ -129,8 +129,8 @@ def started_and_stopped(title, plan, count, start_and_stop):
     endings, slowest_s, began_s = Counter(), 0.0, time.monotonic()
     series = {"tracker": [], "robot": []}
     clock = MonotonicClock()
-    with plan.platform.sitl(plan.profile) as far_end:
-        profile = far_end.start(clock, plan.scenario)
+    with plan.platform.sitl(plan.profile) as simulator:
+        profile = simulator.start(clock, plan.scenario)
         for _ in range(count):
             cycle_s = time.monotonic()
             try:
@@ -139,7 +139,7 @@ def started_and_stopped(title, plan, count, start_and_stop):
                 endings[str(error)] += 1
             slowest_s = max(slowest_s, time.monotonic() - cycle_s)
             series["tracker"].append(sample(os.getpid()))
-            series["robot"].append(sample(far_end.pid))
+            series["robot"].append(sample(simulator.pid))
         after = family(os.getpid())
         left = {name for name in after.values() if name.startswith(("link", "log"))}
     seconds = time.monotonic() - began_s
@@ -192,8 +192,8 @@ def long_run(plan, minutes):
             for pid, name in {os.getpid(): "tracker", **family(os.getpid())}.items():
                 series.setdefault(name, []).append(sample(pid))
 
-    with plan.platform.sitl(plan.profile) as far_end:
-        plan = dataclasses.replace(plan, profile=far_end.start(clock, plan.scenario), sitl=False)
+    with plan.platform.sitl(plan.profile) as simulator:
+        plan = dataclasses.replace(plan, profile=simulator.start(clock, plan.scenario), sitl=False)
         thread = threading.Thread(target=look)
         thread.start()
         end_s = time.monotonic() + minutes * 60

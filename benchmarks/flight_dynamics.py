@@ -29,8 +29,8 @@ def step_body(body, steps):
         body.step(COMMAND, STEP_S)
 
 
-def step_far_end(body, autopilot, steps):
-    """Step body and autopilot and make every message, as the far end's process does; nothing is sent."""
+def step_simulator(body, autopilot, steps):
+    """Step body and autopilot and make every message, as the simulator's process does; nothing is sent."""
     for tick in range(1, steps + 1):
         demand = autopilot.step(body.motion, tick * STEP_S)
         body.step(Twist(demand.forward, -demand.right, -demand.down, -demand.yaw_rate), STEP_S)
@@ -43,16 +43,16 @@ def main():
     parser.add_argument("--repeats", type=int, default=7)
     args = parser.parse_args()
     steps = round(args.seconds / STEP_S)
-    resets, bodies, far_ends = [], [], []
+    resets, bodies, simulators = [], [], []
     for seed in range(args.repeats):
         body = DroneBody()
         resets.append(seconds_of(lambda body=body, seed=seed: body.reset(Pose(z=5.0), seed)))
         bodies.append(seconds_of(lambda body=body: step_body(body, steps)))
         body.reset(Pose(z=5.0), seed)
         autopilot = Autopilot(SitlSettings(), seed)
-        far_ends.append(seconds_of(lambda a=autopilot, body=body: step_far_end(body, a, steps)))
+        simulators.append(seconds_of(lambda a=autopilot, body=body: step_simulator(body, a, steps)))
     print(f"fresh start, hovering         {statistics.median(resets) * 1e3:8.1f} ms")
-    for name, spent in (("body at 250 Hz", bodies), ("body + autopilot + telemetry", far_ends)):
+    for name, spent in (("body at 250 Hz", bodies), ("body + autopilot + telemetry", simulators)):
         median = statistics.median(spent)
         print(f"{name:29} {median / steps * 1e6:8.1f} us a step {args.seconds / median:8.0f} x real time")
 

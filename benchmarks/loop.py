@@ -87,8 +87,8 @@ def measured(platform, minutes, hogs, scheduling):
     with contextlib.ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         plan = rehearsal(platform, folder, 1, target_speed_m_s=0.0, scheduling=scheduling)
-        far_end = stack.enter_context(plan.platform.sitl(plan.profile))
-        plan = replace(plan, profile=far_end.start(clock, plan.scenario), sitl=False)
+        simulator = stack.enter_context(plan.platform.sitl(plan.profile))
+        plan = replace(plan, profile=simulator.start(clock, plan.scenario), sitl=False)
         favour_robot()
         give_up_s = time.monotonic() + GIVE_UP * minutes * 60
         while left_s > 1 and time.monotonic() < give_up_s:

@@ -1,6 +1,6 @@
 """What a command, and a picture, take over each ground robot's wire; and what that costs.
 
-The adapters drive the simulated far ends of ``--sitl``, in processes of their own; a bystander on the same
+The adapters drive the simulators of ``--sitl``, in processes of their own; a bystander on the same
 bus or router notes when each command comes by. Pictures go through the quadruped's camera.
 
 python benchmarks/wires.py [--seconds 10]

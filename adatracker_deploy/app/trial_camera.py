@@ -38,7 +38,7 @@ def open_camera(  # noqa: PLR0917 -- each is another's, and all are needed
 
     Args:
         plan: of the trial.
-        profile: of the robot, as its far end has changed it.
+        profile: of the robot, as its simulator has changed it.
         uri: the camera's.
         clock: the run's.
         pose: where the robot says that it is; for a world that is drawn from there.

@@ -1,6 +1,6 @@
 """One trial from connect to close: the parts start in order and, whatever happens, end in order.
 
-This is the only module that knows all the rooms: the far end, the link, the world's camera, perception, the
+This is the only module that knows all the rooms: the simulator, the link, the world's camera, perception, the
 policy, the loop and the log.
 """
 
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from adatracker_deploy.core.geometry import Pose
     from adatracker_deploy.core.record import StepRecord
     from adatracker_deploy.faults.injection import Injection
-    from adatracker_deploy.faults.schedule import Strike
+    from adatracker_deploy.faults.schedule import ScheduledFault
     from adatracker_deploy.perception.segmenter import Segmenter
     from adatracker_deploy.platform import Check, Platform, Scenario, Sitl
     from adatracker_deploy.policy.base import Policy
@@ -61,7 +61,7 @@ class TrialPlan:
     policy: Policy
     scenario: Scenario
     camera: str
-    """The camera's URI; empty for the profile's, or the far end's own in a rehearsal."""
+    """The camera's URI; empty for the profile's, or the simulator's own in a rehearsal."""
     segmenter: Segmenter
     segmenter_name: str
     sitl: bool
@@ -77,10 +77,10 @@ class TrialPlan:
     log_dir: Path
     scheduling: Scheduling = ORDINARY
     """Of the loop's thread and of the link."""
-    faults: tuple[Strike, ...] = ()
+    faults: tuple[ScheduledFault, ...] = ()
     """What shall go wrong in a rehearsal, and when."""
-    far_end: Sitl | None = None
-    """A far end that somebody else has started; None to start one."""
+    simulator: Sitl | None = None
+    """A simulator that somebody else has started; None to start one."""
 
 
 class Progress(Protocol):
@@ -144,10 +144,10 @@ class _Trial:
         refuse_hung(plan.segmenter)
         if plan.sitl:
             self.progress.phase(f"starting the simulated {plan.platform.name}")
-            far_end = self.stack.enter_context(plan.far_end or plan.platform.sitl(profile))
-            profile = far_end.start(self.clock, plan.scenario)
+            simulator = self.stack.enter_context(plan.simulator or plan.platform.sitl(profile))
+            profile = simulator.start(self.clock, plan.scenario)
             if plan.faults:
-                plan = self._injected(far_end)
+                plan = self._injected(simulator)
         robot = DryRun if plan.dry_run else plan.platform
         self.awake = self.stack.enter_context(plan.scheduling.awake())
         moves = not (plan.sitl or plan.dry_run)
@@ -197,12 +197,12 @@ class _Trial:
         with self.stop.finishing():
             return self._finish(ending)
 
-    def _injected(self, far_end: Sitl) -> TrialPlan:
+    def _injected(self, simulator: Sitl) -> TrialPlan:
         """Return the plan with parts that can go wrong."""
         from adatracker_deploy.faults.injection import Injection  # which no real robot's process holds
 
         plan = self.plan
-        injection = Injection(plan.faults, far_end, self.clock, plan.log_dir)
+        injection = Injection(plan.faults, simulator, self.clock, plan.log_dir)
         self.injection = injection
         self.stack.callback(injection.close)
         self.plan = replace(

@@ -14,8 +14,8 @@ from adatracker_deploy.core.messages import TargetState
 from adatracker_deploy.perception.overlay import Drive, overlay
 from adatracker_deploy.perception.pipeline import perceive
 from adatracker_deploy.policy.onnx_policy import OnnxPolicy
-from adatracker_deploy.runtime.cadence import Cadence
 from adatracker_deploy.runtime.pacer import Pacer
+from adatracker_deploy.runtime.rate_adapter import RateAdapter
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -66,7 +66,7 @@ class Viewer:
         segmenter.reset()
         if policy is not None:
             policy.reset()
-        self._cadence = Cadence(policy) if policy is not None else None
+        self._cadence = RateAdapter(policy) if policy is not None else None
         self._began_s, self._first_ns = 0.0, 0
         self._counted: list[_Counted] = []
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from adatracker_deploy.core.faults import Fault
     from adatracker_deploy.faults.judge import Result
-    from adatracker_deploy.faults.stalls import Stalls
+    from adatracker_deploy.faults.stalls import StallMonitor
 
 TRIES = 3
 STALLED_S = 0.03
@@ -36,7 +36,7 @@ MOST_AT_ONCE = 8
 class Job(NamedTuple):
     """A row, still to be run."""
 
-    run: Callable[[Stalls, Path], Result]
+    run: Callable[[StallMonitor, Path], Result]
     """In an empty folder."""
     alone: bool = False
     """Never beside another: it is one of timing."""
@@ -86,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
     """Rehearse what was asked for, show it, and return 1 if a limit was missed."""
     from rich.console import Console
 
-    from adatracker_deploy.faults.stalls import Stalls
+    from adatracker_deploy.faults.stalls import StallMonitor
     from adatracker_deploy.faults.table import results_table, write_markdown
 
     if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:  # under nohup: trials would ignore hangups, too
@@ -106,7 +106,7 @@ def run(args: argparse.Namespace) -> int:
         )
 
     day = datetime.now(UTC).date().isoformat()
-    with Stalls() as stalls:
+    with StallMonitor() as stalls:
         results = _run_all(jobs, args.at_once, stalls, tell)
     results += _absent(args)
     console.print(results_table(results))
@@ -203,7 +203,7 @@ def _robots(args: argparse.Namespace) -> list[tuple[str, dict[str, Fault], bool]
     """Return each robot that was asked for, or can be measured, what it can suffer, and whether it flies.
 
     Raises:
-        UsageError: there is no such robot, or its far end takes no orders, to have a witness above all.
+        UsageError: there is no such robot, or its simulator takes no orders, to have a witness above all.
     """
     from adatracker_deploy.core.faults import known_faults
     from adatracker_deploy.platform import Sitl
@@ -212,18 +212,18 @@ def _robots(args: argparse.Namespace) -> list[tuple[str, dict[str, Fault], bool]
     robots = []
     for name in args.platform or platform_names():
         platform = load_platform(name)
-        far_end = platform.sitl(load_profile(platform.default_profile, platform))
-        if type(far_end).order is not Sitl.order:
-            robots.append((name, known_faults(far_end.faults), "vz" in platform.axes))
+        simulator = platform.sitl(load_profile(platform.default_profile, platform))
+        if type(simulator).order is not Sitl.order:
+            robots.append((name, known_faults(simulator.faults), "vz" in platform.axes))
         elif args.platform:
             raise UsageError(
-                f"platform {name}: its far end takes no orders, so nothing can be measured at it"
+                f"platform {name}: its simulator takes no orders, so nothing can be measured at it"
             )
     return robots
 
 
 def _run_all(
-    jobs: Sequence[Job], at_once: int, stalls: Stalls, tell: Callable[[Result], None]
+    jobs: Sequence[Job], at_once: int, stalls: StallMonitor, tell: Callable[[Result], None]
 ) -> list[Result]:
     """Run all rows, several side by side; then alone those that must be, or went wrong beside another."""
     results: dict[int, Result] = {}
@@ -255,12 +255,12 @@ def _run_all(
     return [results[at] for at in range(len(jobs))]
 
 
-def _once(job: Job, stalls: Stalls) -> Result:
+def _once(job: Job, stalls: StallMonitor) -> Result:
     with tempfile.TemporaryDirectory(prefix="faults-") as folder:
         return job.run(stalls, Path(folder))
 
 
-def _until_calm(job: Job, stalls: Stalls, before: Result | None = None) -> Result:
+def _until_calm(job: Job, stalls: StallMonitor, before: Result | None = None) -> Result:
     """Run a row, and once or twice more where the machine stood still while it went wrong.
 
     A row of timing is run again in any case: a robot that waits for a core, which no stall shows, is late

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from adatracker_deploy.app.trial_run import TrialPlan
     from adatracker_deploy.config.profile import Profile
-    from adatracker_deploy.faults.schedule import Strike
+    from adatracker_deploy.faults.schedule import ScheduledFault
     from adatracker_deploy.perception.segmenter import Segmenter
     from adatracker_deploy.platform import Platform, Sitl
     from adatracker_deploy.runtime.operator_stop import StopRequest
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="the robot: see 'adatracker-deploy platforms'; with --sitl also several, NAME,NAME,...",
     )
-    what.add_argument("--sitl", action="store_true", help="simulate the far end of the robot's wire")
+    what.add_argument("--sitl", action="store_true", help="simulate the simulator of the robot's wire")
     what.add_argument(
         "--dry-run", action="store_true", help="run everything but the actuators: no robot is connected"
     )
@@ -85,7 +85,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="with --sitl: make this go wrong so many seconds after the first followed tick, or in a phase "
         "of the trial: PHASE, PHASE+SECONDS (docs/safety.md)",
     )
-    how.add_argument("--far-end", type=Path, help=argparse.SUPPRESS)  # the fault matrix's, still running
+    how.add_argument("--simulator", type=Path, help=argparse.SUPPRESS)  # the fault matrix's, still running
     view = parser.add_argument_group("what it sees")
     view.add_argument(
         "--camera",
@@ -268,7 +268,7 @@ def _plan(args: argparse.Namespace, name: str) -> TrialPlan:
     if args.speed_cap < 1:
         profile = dataclasses.replace(profile, limits=profile.limits.capped(args.speed_cap))
     uri = args.camera or profile.camera.uri
-    if args.camera or not args.sitl:  # a far end brings its own
+    if args.camera or not args.sitl:  # a simulator brings its own
         check_uri(uri)
     scene = scene_of(uri)
     if args.scene and args.camera and scene is not None:
@@ -300,7 +300,7 @@ def _plan(args: argparse.Namespace, name: str) -> TrialPlan:
         log_dir=args.log_dir,
         scheduling=scheduling,
         faults=faults,
-        far_end=_far_end(args, platform, profile),
+        simulator=_simulator(args, platform, profile),
     )
 
 
@@ -313,7 +313,9 @@ def _scheduling(args: argparse.Namespace) -> Scheduling:
     return scheduling
 
 
-def _faults(args: argparse.Namespace, platform: type[Platform], profile: Profile) -> tuple[Strike, ...]:
+def _faults(
+    args: argparse.Namespace, platform: type[Platform], profile: Profile
+) -> tuple[ScheduledFault, ...]:
     from adatracker_deploy.core.faults import known_faults
     from adatracker_deploy.faults.schedule import parse_schedule
 
@@ -327,12 +329,12 @@ def _faults(args: argparse.Namespace, platform: type[Platform], profile: Profile
     return parse_schedule(args.fault, known, flies="vz" in platform.axes)
 
 
-def _far_end(args: argparse.Namespace, platform: type[Platform], profile: Profile) -> Sitl | None:
-    if args.far_end is None or not args.sitl:
+def _simulator(args: argparse.Namespace, platform: type[Platform], profile: Profile) -> Sitl | None:
+    if args.simulator is None or not args.sitl:
         return None
-    from adatracker_deploy.faults.running_far_end import RunningFarEnd
+    from adatracker_deploy.faults.running_simulator import RunningFarEnd
 
-    return RunningFarEnd(args.far_end, platform, profile)
+    return RunningFarEnd(args.simulator, platform, profile)
 
 
 def _segmenter(

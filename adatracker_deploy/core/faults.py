@@ -24,10 +24,10 @@ LINK_DROP = Fault("link_drop", "the wire is cut, and mended", 2.0)
 ROBOT_SILENT = Fault("robot_silent", "the robot hears but tells nothing", 2.0)
 TAKEOVER = Fault("takeover", "a pilot or a remote control takes the robot over")
 BATTERY_LOW = Fault("battery_low", "5 % of the charge are left")
-"""What a far end may know how to do: a `Sitl` lists those that its own does."""
+"""What a simulator may know how to do: a `Sitl` lists those that its own does."""
 
 OURS = (
-    CAMERA_FREEZE,  # where the far end carries no camera
+    CAMERA_FREEZE,  # where the simulator carries no camera
     Fault("segmenter_stall", "the segmenter does not return", BLIND_FOR_S),
     Fault("segmenter_error", "the segmenter raises an error"),
     Fault("policy_nan", "the policy's action is not a number"),
@@ -50,12 +50,12 @@ OURS = (
 """What happens to the toolkit's own processes, whatever the robot."""
 
 
-def known_faults(far_end: tuple[Fault, ...]) -> dict[str, Fault]:
-    """Return what can be injected into a rehearsal, by name; the far end's way comes before ours.
+def known_faults(simulator: tuple[Fault, ...]) -> dict[str, Fault]:
+    """Return what can be injected into a rehearsal, by name; the simulator's way comes before ours.
 
     Args:
-        far_end: what the robot's far end can do.
+        simulator: what the robot's simulator can do.
     """
     ours = {fault.name: fault for fault in OURS}
-    theirs = {fault.name: fault for fault in far_end}
+    theirs = {fault.name: fault for fault in simulator}
     return dict(sorted((ours | theirs).items()))

@@ -147,4 +147,4 @@ def _impose(policy: Policy, episode: Episode) -> None:
 
     assert isinstance(policy, OnnxPolicy)
     assert episode.imposed is not None
-    policy.impose(episode.imposed)
+    policy.override_context(episode.imposed)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from adatracker_deploy.faults.watch import Role, State
-    from adatracker_deploy.sim.witness import Account
+    from adatracker_deploy.sim.ground_truth import Account
 
 SOON_NS = 1_000_000_000
 """By then what happens once has happened, on a busy machine too."""

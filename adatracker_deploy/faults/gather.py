@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from adatracker_deploy.faults.matrix import Row
     from adatracker_deploy.faults.watch import Watch
-    from adatracker_deploy.sim.witness import Account
+    from adatracker_deploy.sim.ground_truth import Account
 
 _LONGEST = 200
 """Characters of a reason."""

@@ -1,7 +1,8 @@
 """Injects a schedule of faults into the rehearsal that runs in this process, each at its real place.
 
-Ours are struck here (`parts` that go wrong, `strikes`), the others are ordered from the far end, whose place
-they are. A thread waits for each fault's phase and time, so that it strikes whatever the trial does then.
+Ours are struck here (`parts` that go wrong, `strikes`), the others are ordered from the simulator, whose
+place they are. A thread waits for each fault's phase and time, so that it strikes whatever the trial does
+then.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from adatracker_deploy.faults.phases import ENDING, IN_FLIGHT, TrialPhase
 from adatracker_deploy.faults.schedule import next_due
 from adatracker_deploy.faults.strikes import MENDS, STRIKES, Victims
 from adatracker_deploy.faults.take_off import TakeOff
-from adatracker_deploy.sim.witness import FILE_NAME, Witness, read_witness
+from adatracker_deploy.sim.ground_truth import FILE_NAME, GroundTruthRecorder, read_witness
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from adatracker_deploy.core.camera import Camera
     from adatracker_deploy.core.clock import MonotonicClock
     from adatracker_deploy.core.faults import Fault
-    from adatracker_deploy.faults.schedule import Strike
+    from adatracker_deploy.faults.schedule import ScheduledFault
     from adatracker_deploy.perception.segmenter import Segmenter
     from adatracker_deploy.platform import Sitl
     from adatracker_deploy.policy.base import Policy
@@ -50,17 +51,17 @@ class Injection:
 
     Args:
         strikes: what shall happen when.
-        far_end: the simulated robot's, started.
+        simulator: the simulated robot's, started.
         clock: the run's, at the machine's own pace.
         log_dir: where the witness writes until the trial has a folder; one that exists already is kept.
     """
 
     def __init__(
-        self, strikes: tuple[Strike, ...], far_end: Sitl, clock: MonotonicClock, log_dir: Path
+        self, strikes: tuple[ScheduledFault, ...], simulator: Sitl, clock: MonotonicClock, log_dir: Path
     ) -> None:
         self._to_come = list(strikes)
-        self._far_end, self._clock = far_end, clock
-        self._theirs = {fault.name for fault in far_end.faults}
+        self._simulator, self._clock = simulator, clock
+        self._theirs = {fault.name for fault in simulator.faults}
         self._switch = Switch(lambda name: self._note(name, begins=True))
         self._log: TrialLog | None = None
         self._link: LinkProcess | None = None
@@ -69,14 +70,14 @@ class Injection:
         self._news = threading.Condition()
         self._entered: dict[TrialPhase, float] = {}
         """When each phase began, machine time."""
-        self._ongoing: dict[str, tuple[float, Strike]] = {}
+        self._ongoing: dict[str, tuple[float, ScheduledFault]] = {}
         """What has begun, and when it is over at the soonest; infinite while it is being struck."""
         self._struck_s: dict[str, float] = {}
         """When each fault last took effect, machine time."""
         self._ended = False
-        self._own_file = None if far_end.witness else log_dir / f".{os.getpid()}-{time.monotonic_ns()}"
-        self._file = far_end.witness or self._new_file(log_dir)
-        self._witness = Witness(self._file)
+        self._own_file = None if simulator.witness else log_dir / f".{os.getpid()}-{time.monotonic_ns()}"
+        self._file = simulator.witness or self._new_file(log_dir)
+        self._witness = GroundTruthRecorder(self._file)
         self._witness.process("tracker")
         self._interpreter = InterpreterWatch(self._witness.stood)
         climbs = any(strike.phase in IN_FLIGHT for strike in strikes)
@@ -85,7 +86,7 @@ class Injection:
         self._thread.start()
 
     def camera(self, whole: Camera) -> Camera:
-        """Return the camera, such that it can freeze; one that the far end carries freezes there."""
+        """Return the camera, such that it can freeze; one that the simulator carries freezes there."""
         return FrozenCamera(whole, self._switch)
 
     def segmenter(self, whole: Segmenter) -> Segmenter:
@@ -158,14 +159,14 @@ class Injection:
         """Make a file of our own, and have the robot's witness write there too."""
         assert self._own_file is not None
         log_dir.mkdir(parents=True, exist_ok=True)
-        Witness(self._own_file).close()
-        self._far_end.order(f"witness {self._own_file.resolve()}")
+        GroundTruthRecorder(self._own_file).close()
+        self._simulator.order(f"witness {self._own_file.resolve()}")
         return self._own_file
 
     def _no_fault_lasts(self) -> bool:
         return all(strike.phase in ENDING for _, strike in self._ongoing.values())
 
-    def _give_up(self, strikes: list[Strike]) -> None:
+    def _give_up(self, strikes: list[ScheduledFault]) -> None:
         for strike in strikes:
             self._to_come.remove(strike)
             self._say(f"fault: {strike.fault.name} was not injected: the trial had ended")
@@ -186,7 +187,7 @@ class Injection:
                     del self._ongoing[name]
                 self._news.notify_all()
 
-    def _next(self) -> tuple[Strike, bool] | None:
+    def _next(self) -> tuple[ScheduledFault, bool] | None:
         """Wait for what comes next; return it and whether it begins, or None when nothing will."""
         with self._news:
             while True:
@@ -217,7 +218,7 @@ class Injection:
         name = fault.name
         if name in self._theirs:
             self._note(name, begins=True)
-            self._far_end.order(f"begin {name}")
+            self._simulator.order(f"begin {name}")
         elif name in IN_PARTS:
             self._switch.begin(name)  # which notes it when it takes effect
         else:
@@ -229,7 +230,7 @@ class Injection:
     def _end(self, fault: Fault) -> None:
         name = fault.name
         if name in self._theirs:
-            self._far_end.order(f"end {name}")
+            self._simulator.order(f"end {name}")
         self._switch.end(name)
         if name in MENDS:
             with contextlib.suppress(ProcessLookupError):

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from adatracker_deploy.faults.matrix import Measure, Row
-    from adatracker_deploy.sim.witness import Account, Told
+    from adatracker_deploy.sim.ground_truth import Account, Told
 
 __all__ = ["Evidence", "Result", "Verdict", "judge", "limit_of"]
 

@@ -35,7 +35,7 @@ KILLED = frozenset({""})
 ANY = STOPPED | TAKEN | WENT_ON | INTERRUPTED | KILLED
 
 LOOK_S = 0.01
-"""How often a far end looks what has come."""
+"""How often a simulator looks what has come."""
 SLOT_S = 0.02
 """Of the link."""
 
@@ -134,7 +134,7 @@ FOLLOWING = (
     Row("frozen_state", "told", 0.6, STOPPED, why="its time-out is 0.5 s"),
     Row("frozen_odometry", "told", 0.4, STOPPED, why="its time-out is 0.3 s"),
     Row("cpu_hogs", "burst", 0.49, WENT_ON | STOPPED, why="two ticks at least half a period apart"),
-    Row("gc_pause", "gap", 0.01 + LOOK_S, WENT_ON, why="with the far end's look, 20 ms"),
+    Row("gc_pause", "gap", 0.01 + LOOK_S, WENT_ON, why="with the simulator's look, 20 ms"),
     Row("action_jump", "acceleration", 1.0, WENT_ON | STOPPED, why="never above the profile's"),
     Row("disk_full", "log", 0.0, WENT_ON, why="and the trouble is told"),
 )
@@ -220,4 +220,4 @@ _REASONS = {
 
 def absent(platform: str, fault: str) -> str:
     """Return why a platform cannot suffer a fault in a rehearsal."""
-    return _REASONS.get((platform, fault), "its far end does not know it")
+    return _REASONS.get((platform, fault), "its simulator does not know it")

@@ -56,7 +56,7 @@ class Switch:
 
 
 class FrozenCamera:
-    """A camera that can freeze in this process; one that a far end carries freezes there."""
+    """A camera that can freeze in this process; one that a simulator carries freezes there."""
 
     def __init__(self, whole: Camera, switch: Switch) -> None:
         self._whole = whole

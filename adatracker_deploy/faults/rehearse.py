@@ -17,11 +17,11 @@ from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.faults.gather import gather, said
 from adatracker_deploy.faults.judge import LANDED_M, STILL_M_S, Result, judge, limit_of
 from adatracker_deploy.faults.phases import TrialPhase
-from adatracker_deploy.faults.running_far_end import serving
+from adatracker_deploy.faults.running_simulator import serving
 from adatracker_deploy.faults.watch import Watch
 from adatracker_deploy.platform import Scenario
 from adatracker_deploy.registry import load_platform, load_profile, profile_dir
-from adatracker_deploy.sim.witness import Account, read_witness
+from adatracker_deploy.sim.ground_truth import Account, read_witness
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from adatracker_deploy.config.profile import Profile
     from adatracker_deploy.faults.matrix import Row
-    from adatracker_deploy.faults.stalls import Stalls
+    from adatracker_deploy.faults.stalls import StallMonitor
     from adatracker_deploy.platform import Platform
 
 COMMAND = (sys.executable, "-m", "adatracker_deploy")
@@ -52,7 +52,7 @@ _AGAIN = ("--steps", "3", "--fault", f"interrupt@{TrialPhase.LOOKING}")
 """A second run shows that the robot is engaged again; the person may have walked away by then."""
 
 
-def rehearse(row: Row, platform_name: str, says: str, stalls: Stalls, folder: Path) -> Result:
+def rehearse(row: Row, platform_name: str, says: str, stalls: StallMonitor, folder: Path) -> Result:
     """Run one row in `folder`, which is empty, and judge it.
 
     Args:
@@ -64,7 +64,7 @@ def rehearse(row: Row, platform_name: str, says: str, stalls: Stalls, folder: Pa
     """
     try:
         return _rehearse(row, platform_name, says, stalls, folder)
-    except PlatformError as error:  # the far end did not come up: one row's failure is not the others'
+    except PlatformError as error:  # the simulator did not come up: one row's failure is not the others'
         return Result(
             platform=platform_name,
             fault=row.fault,
@@ -77,13 +77,13 @@ def rehearse(row: Row, platform_name: str, says: str, stalls: Stalls, folder: Pa
         )
 
 
-def _rehearse(row: Row, platform_name: str, says: str, stalls: Stalls, folder: Path) -> Result:
+def _rehearse(row: Row, platform_name: str, says: str, stalls: StallMonitor, folder: Path) -> Result:
     platform, flies = load_platform(platform_name), "vz" in load_platform(platform_name).axes
     profile_arguments, profile = _profile(platform, row.changes, folder)
     began_ns, again = time.monotonic_ns(), ""
-    with serving(platform, profile, Scenario(seed=SEED), folder) as (far_end, witness):
+    with serving(platform, profile, Scenario(seed=SEED), folder) as (simulator, witness):
         common = (
-            *("--platform", platform_name, "--sitl", "--far-end", str(far_end), *profile_arguments),
+            *("--platform", platform_name, "--sitl", "--simulator", str(simulator), *profile_arguments),
             *("--seed", str(SEED), "--segmenter", "truth", "--json", "--log-dir", str(folder / "trials")),
         )
         process = _start(*common, *_struck(row))
@@ -164,7 +164,7 @@ def _profile(
     profile = load_profile(name, platform)
     url = getattr(
         profile.connection, "url", ""
-    )  # a UDP port; the other robots' far ends take free ones anyway
+    )  # a UDP port; the other robots' simulators take free ones anyway
     if url.startswith("udpin://127.0.0.1:"):
         profile = replace(profile, connection=replace(profile.connection, url="udpin://127.0.0.1:0"))
     return arguments, profile

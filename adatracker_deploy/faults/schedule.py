@@ -20,7 +20,7 @@ _STRIKE = re.compile(rf"([A-Za-z_0-9]+)@(?:({_SECONDS})|([a-z]+)(?:\+({_SECONDS}
 
 
 @dataclass(frozen=True, slots=True)
-class Strike:
+class ScheduledFault:
     """One fault at one time."""
 
     fault: Fault
@@ -42,7 +42,7 @@ class Strike:
 
 def parse_schedule(
     texts: Iterable[str], known: Mapping[str, Fault], *, flies: bool = False
-) -> tuple[Strike, ...]:
+) -> tuple[ScheduledFault, ...]:
     """Read what ``--fault`` was given, several in one text or in many; return it in the order of a trial.
 
     Args:
@@ -68,7 +68,9 @@ def parse_schedule(
     return tuple(strikes)
 
 
-def next_due(strikes: Iterable[Strike], entered: Mapping[TrialPhase, float]) -> tuple[float, Strike] | None:
+def next_due(
+    strikes: Iterable[ScheduledFault], entered: Mapping[TrialPhase, float]
+) -> tuple[float, ScheduledFault] | None:
     """Return the strike that is due next, and when; None while none is.
 
     Args:
@@ -79,7 +81,7 @@ def next_due(strikes: Iterable[Strike], entered: Mapping[TrialPhase, float]) -> 
     return min(due, key=lambda pair: pair[0], default=None)
 
 
-def _strike(text: str, known: Mapping[str, Fault], phases: list[TrialPhase]) -> Strike:
+def _strike(text: str, known: Mapping[str, Fault], phases: list[TrialPhase]) -> ScheduledFault:
     match = _STRIKE.fullmatch(text)
     if match is None:
         raise UsageError(
@@ -94,4 +96,4 @@ def _strike(text: str, known: Mapping[str, Fault], phases: list[TrialPhase]) -> 
         raise UsageError(f"--fault {text}: this robot's phases are {', '.join(phases)}")
     if at_s > LATEST_S:
         raise UsageError(f"--fault {text}: {at_s:g} s is out of range [0, {LATEST_S:g}]")
-    return Strike(fault, at_s, TrialPhase(phase) if phase else TrialPhase.FOLLOWING)
+    return ScheduledFault(fault, at_s, TrialPhase(phase) if phase else TrialPhase.FOLLOWING)

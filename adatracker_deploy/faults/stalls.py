@@ -12,7 +12,7 @@ WORTH_NOTING_S = 0.01
 """A sleep that is longer by less is the usual."""
 
 
-class Stalls:
+class StallMonitor:
     """Watches while it is entered; a late stop beside a stall of the same size is the machine's, not ours."""
 
     def __init__(self) -> None:

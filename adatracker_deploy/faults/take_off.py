@@ -6,7 +6,7 @@ import threading
 from typing import TYPE_CHECKING
 
 from adatracker_deploy.faults.phases import TrialPhase
-from adatracker_deploy.sim.witness import Account, read_witness
+from adatracker_deploy.sim.ground_truth import Account, read_witness
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, Self
 
 from adatracker_deploy.runtime.link_process import PROCESS_NAME
-from adatracker_deploy.sim.witness import read_witness
+from adatracker_deploy.sim.ground_truth import read_witness
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

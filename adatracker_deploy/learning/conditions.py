@@ -55,7 +55,7 @@ CONDITIONS: dict[str, Condition] = {
         Condition(name="clean", description="an empty room, perfect masks, a body that obeys at once"),
         Condition(
             name="field",
-            description="obstacles, two other people, lag, delay, tilted cameras, spoilt masks",
+            description="obstacles, two other people, lag, delay, tilted cameras, augmented masks",
             obstacles=True,
             others=2,
             noise="field",

@@ -36,10 +36,10 @@ SIMULATOR_LEAST_REWARD = -1.0
 class TrackingEnv(gymnasium.Env[Observed, NDArray[np.float32]]):
     """One episode after the other: class masks in, fractions of the body's limits out.
 
-    The observation is a class mask, uint8 (64, 64), or an RGB image, uint8 (64, 64, 3), which is never spoilt
-    by noise. The action is float32 (2,) in [-1, 1]: forward, and yaw with counter-clockwise positive, in the
-    order and with the signs of AdaTracker's bundles. A lost target terminates, the horizon truncates. `info`
-    holds the truth of the moment and what the policy is to find out about the body.
+    The observation is a class mask, uint8 (64, 64), or an RGB image, uint8 (64, 64, 3), which is never
+    augmented by noise. The action is float32 (2,) in [-1, 1]: forward, and yaw with counter-clockwise
+    positive, in the order and with the signs of AdaTracker's bundles. A lost target terminates, the horizon
+    truncates. `info` holds the truth of the moment and what the policy is to find out about the body.
 
     Args:
         condition: draw cells of this condition.

@@ -1,4 +1,4 @@
-"""One episode for learning and evaluation: a spec's world and body, its spoilt masks, normalised actions."""
+"""One episode for learning and evaluation: a spec's world and body, augmented masks, normalised actions."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Tracking:
         self._noise = spec.mask_noise()
 
     def begin(self) -> Observation:
-        """Put the body 2.5 m behind the target and return the first observation, which is never spoilt."""
+        """Put the body 2.5 m behind the target and return the first observation, which is never augmented."""
         return self._spoil(self.task.begin(self.spec.seed))[0]
 
     def step(self, action: NDArray[np.float32]) -> Tick:

@@ -47,7 +47,7 @@ def overlap(a: Boxes, b: Boxes) -> NDArray[np.float32]:
     return np.asarray(shared / np.maximum(union, 1e-9), np.float32)
 
 
-def best_apart(
+def non_maximum_suppression(
     boxes: Boxes, scores: NDArray[np.float32], classes: NDArray[np.intp], iou: float
 ) -> NDArray[np.intp]:
     """Return the places of the boxes that stay, best first: greedy non-maximum suppression within a class.

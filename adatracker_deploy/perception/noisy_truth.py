@@ -1,4 +1,4 @@
-"""The truth of a simulated camera, spoilt as a real segmenter's masks are."""
+"""The truth of a simulated camera, augmented as a real segmenter's masks are."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class NoisyTruth:
         self._steps = 0
 
     def __call__(self, frame: Frame) -> Observation:
-        """Return the truth, spoilt.
+        """Return the truth, augmented.
 
         Raises:
             PlatformError: the frame comes from a real camera.

@@ -69,7 +69,7 @@ def open_segmenter(
 
         return NoisyTruth(
             "embedded", rate_hz
-        ), "the simulated camera's truth, spoilt like the embedded segmenter's"
+        ), "the simulated camera's truth, augmented like the embedded segmenter's"
     if name != EMBEDDED and not name.endswith(_FILES):
         raise UsageError(f"segmenter {name!r}: expected {KNOWN}")
     return _of_pictures(name, words, choice, propagator, providers)

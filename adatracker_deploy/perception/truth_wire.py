@@ -1,4 +1,4 @@
-"""The truth of a simulated frame as bytes, for far ends that send their frames over a robot's own wire.
+"""The truth of a simulated frame as bytes, for simulators that send their frames over a robot's own wire.
 
 A JSON header with its length before it, then the class mask as PNG. Only rehearsals carry it.
 """

@@ -61,7 +61,7 @@ class OnnxPolicy:
         if self._encoder is not None:
             self._encoder.reset()
 
-    def impose(self, context: Array) -> None:
+    def override_context(self, context: Array) -> None:
         """Let it take its body for another: answer with this z, shape (Z,), until the next reset."""
         self._imposed = np.asarray(context, np.float32)[None]
 

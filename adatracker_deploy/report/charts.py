@@ -18,7 +18,7 @@ from adatracker_deploy.report.markup import Html, join, tag
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from adatracker_deploy.report.columns import Floats, Stretch
+    from adatracker_deploy.report.columns import Floats, Interval
 
 WIDTH, HEIGHT = 1000.0, 100.0
 COLUMNS = 600
@@ -46,7 +46,7 @@ class Band:
 
     name: str
     look: str
-    stretches: Sequence[Stretch]
+    stretches: Sequence[Interval]
     rare: bool = False
     """Drawn wide enough to be seen however short it was."""
 
@@ -68,8 +68,8 @@ class Span:
 
     times_s: Floats
     length_s: float
-    lost: Sequence[Stretch]
-    stopped: Sequence[Stretch]
+    lost: Sequence[Interval]
+    stopped: Sequence[Interval]
 
 
 def strip(
@@ -170,7 +170,7 @@ def sparkline(times_s: Floats, values: Floats, length_s: float) -> Html:
 
 
 def bars(
-    stretches: Sequence[Stretch],
+    stretches: Sequence[Interval],
     length_s: float,
     least_width: float = _LEAST_WIDTH,
     top: float = 0.0,

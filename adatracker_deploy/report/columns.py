@@ -25,7 +25,7 @@ Flags = NDArray[np.bool_]
 AXES = ("vx", "vy", "vz", "yaw_rate")
 
 
-class Stretch(NamedTuple):
+class Interval(NamedTuple):
     """From when to when, s."""
 
     start_s: float
@@ -67,12 +67,12 @@ class Columns:
         """From the first tick's beginning to the last one's end."""
         return float(self.time_s[-1]) + self.period_s
 
-    def stretches(self, flags: Flags) -> list[Stretch]:
+    def stretches(self, flags: Flags) -> list[Interval]:
         """Return when the flags held; a tick lasts until the next begins."""
         edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False])).astype(np.int8)))
         ends = np.append(self.time_s, self.duration_s)
         return [
-            Stretch(float(ends[start]), float(ends[end]))
+            Interval(float(ends[start]), float(ends[end]))
             for start, end in zip(edges[::2], edges[1::2], strict=True)
         ]
 

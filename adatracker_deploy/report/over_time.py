@@ -19,7 +19,7 @@ from adatracker_deploy.report.charts import (
     strip,
     time_axis,
 )
-from adatracker_deploy.report.columns import Stretch
+from adatracker_deploy.report.columns import Interval
 from adatracker_deploy.report.markup import Html, tag
 from adatracker_deploy.report.page import figure, section, shortened, table
 from adatracker_deploy.scoring.stages import STAGES
@@ -67,7 +67,7 @@ def _timeline(report: Report, cols: Columns, span: Span) -> Html:
     steps = report.trial.steps
     target = _states(cols, [_target(step) for step in steps])
     modes = _states(cols, [step.mode or "unnamed" for step in steps])
-    whole = [Stretch(0.0, span.length_s)]
+    whole = [Interval(0.0, span.length_s)]
     gate = [
         Band("obeyed", "s-good", [] if (cols.limited | cols.stopped).all() else whole),
         Band("kept inside the limits", "s-fair", cols.stretches(cols.limited & ~cols.stopped)),
@@ -109,15 +109,15 @@ def _target(step: StepRecord) -> str:
     return "stale" if step.stale else step.target or ("seen" if step.box else "lost")
 
 
-def _states(cols: Columns, names: Sequence[str]) -> dict[str, list[Stretch]]:
+def _states(cols: Columns, names: Sequence[str]) -> dict[str, list[Interval]]:
     """Return when each state held, in the order of their first steps."""
     array = np.array(names, dtype=object)
     return {name: cols.stretches(array == name) for name in dict.fromkeys(names)}
 
 
-def _at(events: Sequence[Event], level: str, length_s: float) -> list[Stretch]:
+def _at(events: Sequence[Event], level: str, length_s: float) -> list[Interval]:
     times = sorted(event.time_s for event in events if event.level == level and event.time_s is not None)
-    return [Stretch(time_s, time_s) for time_s in times if 0 <= time_s <= length_s]
+    return [Interval(time_s, time_s) for time_s in times if 0 <= time_s <= length_s]
 
 
 def _tracking(cols: Columns, span: Span, steps: Sequence[StepRecord]) -> Html:

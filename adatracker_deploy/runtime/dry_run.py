@@ -79,4 +79,4 @@ class DryRun(Platform):
     @classmethod
     def sitl(cls, profile: Profile) -> Sitl:
         """Refuse: nothing is simulated."""
-        raise UsageError(f"{profile.name}: a dry run has no far end")
+        raise UsageError(f"{profile.name}: a dry run has no simulator")

@@ -17,7 +17,16 @@ from adatracker_deploy.config.limits import Limits
 from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.messages import ZERO, PlatformState, Twist
 from adatracker_deploy.platform import Platform
-from adatracker_deploy.runtime.gate import GateState, Reason, Setpoint, Stage, Stop, Verdict, judge, unwatched
+from adatracker_deploy.runtime.gate import (
+    GateState,
+    Reason,
+    Setpoint,
+    Stage,
+    Stop,
+    Verdict,
+    judge,
+    unmonitored,
+)
 from adatracker_deploy.runtime.suspend import SuspendWatch
 
 if TYPE_CHECKING:
@@ -261,7 +270,7 @@ class Link:
             if error is None:
                 self._gate = GateState(armed_ns=self._clock.now_ns())
                 self._enter(Phase.ACTIVE)
-                for reason in unwatched(self._limits, self._platform.state()):
+                for reason in unmonitored(self._limits, self._platform.state()):
                     self.note("info", f"{reason} is not watched: the robot does not tell what it needs")
                 return
         self.disengage(error or "")

@@ -71,18 +71,18 @@ class LinkProcess:
         statuses = context.RawArray("B", Mailbox.size(STATUS_BYTES))
         self._setpoints = Mailbox(setpoints, SETPOINT_BYTES)
         self._statuses = Mailbox(statuses, STATUS_BYTES)
-        self._pipe, far_end = context.Pipe()
+        self._pipe, simulator = context.Pipe()
         self._events: list[Event] = []
         self._connected = False
         self._pulse = Pulse()
         self._process = context.Process(
             target=_main,
-            args=(platform, profile, clock, scheduling, setpoints, statuses, far_end),
+            args=(platform, profile, clock, scheduling, setpoints, statuses, simulator),
             name="link",
         )
         with _deaf_to_interrupts():
             self._process.start()
-        far_end.close()
+        simulator.close()
 
     @property
     def pid(self) -> int:

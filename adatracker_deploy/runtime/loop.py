@@ -89,12 +89,15 @@ class Loop:
         lost, fresh_ns = 0, self.clock.now_ns()
         for step in range(steps + 1):
             tick = pacer.wait(self._patience)
-            status, seen = self.link.status(), self.observe()
+            status = self.link.status()
             if not self.link.alive() or status is None:
                 return Ending("system_fault", LINK_LOST)
+            if ending := self._stopped(tick, status):
+                return ending
+            seen = self.observe()
             if seen is None:
                 return Ending("system_fault", "the camera has given no frame")
-            if ending := self._prevented(tick, status, seen, fresh_ns):
+            if ending := self._blind(tick, seen, fresh_ns):
                 return ending
             action, infer_ms = self._act(tick, seen)
             command = to_twist(action.values, self.policy.info.action, self.limits) if action else ZERO
@@ -125,12 +128,19 @@ class Loop:
         for tick in ticks:
             self.write(tick.record, tick.seen)
 
-    def _prevented(self, tick: Tick, status: LinkStatus, seen: Seen, fresh_ns: int) -> Ending | None:
-        """Say why this tick cannot be driven; None when it can. The last one acted on was at `fresh_ns`."""
+    def _stopped(self, tick: Tick, status: LinkStatus) -> Ending | None:
+        """Say why the trial is over whatever is seen; None while it is not.
+
+        Before the camera is asked: a process that stood still finds it silent, too, which is not the cause.
+        """
         if status.phase is not Phase.ACTIVE:
             return Ending("takeover" if status.takeover else "safety_stop", status.stopped)
         if tick.skipped >= self._patience:
             return Ending("safety_stop", f"deadlines_missed: {tick.skipped} slots in a row")
+        return None
+
+    def _blind(self, tick: Tick, seen: Seen, fresh_ns: int) -> Ending | None:
+        """Say why what is seen is too old to go on; None if it is not. The last acted on was at `fresh_ns`."""
         age_s = self._age_s(tick, seen)
         if age_s > BLIND_S:
             return Ending("safety_stop", f"no new camera frame for {age_s:.1f} s")

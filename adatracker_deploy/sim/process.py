@@ -1,8 +1,9 @@
-"""A simulated far end as a process: started by a `Sitl`, ready by one line, ended by the end of its stdin.
+"""A simulator as a process: started by a `Sitl`, ready by one line, ended by the end of its stdin.
 
-`FarEndProcess` is the side that starts it; `add_arguments`, `far_end_clock`, `lifeline` and `announce` are
-what the started module's ``main`` is made of. Started by hand, the same module runs until Ctrl-C. What goes
-over stdin until it ends are `Orders`: which faults begin and end, and where the robot's witness writes.
+`SimulatorProcess` is the side that starts it; `add_arguments`, `simulator_clock`, `parent_watchdog` and
+`announce_ready` are what the started module's ``main`` is made of. Started by hand, the same module runs
+until Ctrl-C. What goes over stdin until it ends are `FaultCommands`: which faults begin and end, and where
+the robot's witness writes.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import PlatformError, UsageError
-from adatracker_deploy.sim.witness import Witness
+from adatracker_deploy.sim.ground_truth import GroundTruthRecorder
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -31,8 +32,8 @@ ASKED_WRONG = 2
 START_TIMEOUT_S = 20.0
 
 
-class FarEndProcess:
-    """One far end's process.
+class SimulatorProcess:
+    """One simulator's process.
 
     Args:
         module: what ``python -m`` runs.
@@ -85,7 +86,7 @@ class FarEndProcess:
         return ready
 
     def order(self, line: str) -> None:
-        """Give it an order, as `Orders` reads them; a process that is gone is not told."""
+        """Give it an order, as `FaultCommands` reads them; a process that is gone is not told."""
         if self._process is not None and self._process.stdin is not None:
             with contextlib.suppress(OSError):
                 self._process.stdin.write(f"{line}\n")
@@ -107,7 +108,7 @@ class FarEndProcess:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what every far end takes: ``--seed``, ``--speed``, ``--epoch-ns`` and ``--lifeline``."""
+    """Add what every simulator takes: ``--seed``, ``--speed``, ``--epoch-ns`` and ``--lifeline``."""
     parser.add_argument("--seed", type=int, default=0, help="of all that is random")
     parser.add_argument("--speed", type=_speed, default=1.0, help="times real time")
     parser.add_argument("--epoch-ns", type=int, default=time.monotonic_ns(), help="of the shared clock")
@@ -116,36 +117,36 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def far_end_clock(args: argparse.Namespace) -> MonotonicClock:
-    """Return the clock that the far end shares with whoever started it."""
+def simulator_clock(args: argparse.Namespace) -> MonotonicClock:
+    """Return the clock that the simulator shares with whoever started it."""
     return MonotonicClock(args.speed, args.epoch_ns)
 
 
-class Orders:
-    """What whoever started a far end has ordered it to suffer, and to write down."""
+class FaultCommands:
+    """What whoever started a simulator has ordered it to suffer, and to write down."""
 
     def __init__(self) -> None:
         self.faults: frozenset[str] = frozenset()
         """The names of the faults that are on."""
-        self.witness = Witness()
+        self.witness = GroundTruthRecorder()
         self._listeners: list[Callable[[frozenset[str]], None]] = []
 
     def listen(self, listener: Callable[[frozenset[str]], None]) -> None:
         """Have `listener` called, in the orders' thread, with the faults that are on whenever they change."""
         self._listeners.append(listener)
 
-    def obey(self, line: str) -> None:
+    def handle(self, line: str) -> None:
         """Take one order: ``begin FAULT``, ``end FAULT`` or ``witness FILE``; others mean nothing."""
         order, _, what = line.strip().partition(" ")
         match order:
             case "begin":
                 self.faults |= {what}
-                self.witness.suffers(what)
+                self.witness.record_fault(what)
             case "end":
                 self.faults -= {what}
             case "witness":
                 with contextlib.suppress(OSError):  # it is not the robot's business
-                    self.witness = Witness(Path(what))
+                    self.witness = GroundTruthRecorder(Path(what))
                     self.witness.process("robot")
                 return
             case _:
@@ -154,14 +155,14 @@ class Orders:
             listener(self.faults)
 
 
-def lifeline(args: argparse.Namespace, orders: Orders | None = None) -> threading.Event:
-    """Return an event that is set when the far end should come to rest and end; `orders` hear of stdin."""
+def parent_watchdog(args: argparse.Namespace, orders: FaultCommands | None = None) -> threading.Event:
+    """Return an event that is set when the simulator should come to rest and end; `orders` hear of stdin."""
     ended = threading.Event()
 
     def outlive_stdin() -> None:
         for line in sys.stdin:
             if orders is not None:
-                orders.obey(line)
+                orders.handle(line)
         ended.set()
 
     if args.lifeline:
@@ -169,8 +170,8 @@ def lifeline(args: argparse.Namespace, orders: Orders | None = None) -> threadin
     return ended
 
 
-def announce(**what: Any) -> None:
-    """Print the one line that says that the far end is up, and where it is reached."""
+def announce_ready(**what: Any) -> None:
+    """Print the one line that says that the simulator is up, and where it is reached."""
     print(json.dumps({"ready": what}), flush=True)
 
 

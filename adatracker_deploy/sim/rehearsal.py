@@ -1,4 +1,4 @@
-"""A world with one ground robot in it, at the far end of that robot's wire.
+"""A world with one ground robot in it, at the simulator of that robot's wire.
 
 `Rehearsal` is the robot's half: the wire's thread drives the body, which obstacles and walls block as real
 ones would. `Studio` is the camera's half: the people, and the pictures. `film` draws in a process of its own,

@@ -6,14 +6,14 @@ A robot's tests inherit it and fly, drive or walk through the robot's own SITL, 
 
     class TestMyRobot(PlatformConformance):
         platform_class = MyRobotPlatform
-        clock_speed = 5.0  # how fast the far end can be rehearsed
+        clock_speed = 5.0  # how fast the simulator can be rehearsed
 
         manual = {Twist(vx=0.5): "52 51 02 00 f4 01 00 00"}  # by the vendor's manual, typed in by hand
         says = "my_robot.wire:encode_request"  # what makes, or takes, the bytes that go out
 
-The far end starts once for the class; every test gets a new adapter and leaves the robot disengaged. Override
-the fixture `profile` to use another one than the robot ships, and the class variables to describe a slow or a
-noisy robot. Needs pytest; nothing else in the toolkit does.
+The simulator starts once for the class; every test gets a new adapter and leaves the robot disengaged.
+Override the fixture `profile` to use another one than the robot ships, and the class variables to describe a
+slow or a noisy robot. Needs pytest; nothing else in the toolkit does.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ class PlatformConformance(AgainstTheManual):
     @pytest.fixture(scope="class")
     @classmethod
     def clock(cls) -> MonotonicClock:
-        """Return the clock that the far end and the adapters share."""
+        """Return the clock that the simulator and the adapters share."""
         return MonotonicClock(speed=cls.clock_speed)
 
     @pytest.fixture(scope="class")
@@ -85,14 +85,14 @@ class PlatformConformance(AgainstTheManual):
 
     @pytest.fixture(scope="class")
     @classmethod
-    def far_end(cls, sitl: Sitl, clock: MonotonicClock) -> Profile:
+    def simulator(cls, sitl: Sitl, clock: MonotonicClock) -> Profile:
         """Start the robot's SITL; return the profile that reaches it."""
         return sitl.start(clock, Scenario(seed=1))
 
     @pytest.fixture
-    def platform(self, far_end: Profile, clock: MonotonicClock) -> Iterator[Platform]:
+    def platform(self, simulator: Profile, clock: MonotonicClock) -> Iterator[Platform]:
         """Give a new adapter; leave its robot at rest."""
-        platform = self.platform_class(far_end, clock)
+        platform = self.platform_class(simulator, clock)
         yield platform
         with contextlib.suppress(PlatformError):
             platform.disengage()
@@ -206,7 +206,7 @@ class PlatformConformance(AgainstTheManual):
         self, sitl: Sitl, engaged: Platform
     ) -> None:
         """What is not heard is stopped, and good news does not start it: only an explicit engage does."""
-        assert ROBOT_SILENT in sitl.faults, f"let the far end obey {ROBOT_SILENT.name}: docs/add-a-robot.md"
+        assert ROBOT_SILENT in sitl.faults, f"let the simulator obey {ROBOT_SILENT.name}: docs/add-a-robot.md"
         cruise = Twist(vx=self.cruise_m_s)
         drive(engaged, cruise, 1.0)
         sitl.order(f"begin {ROBOT_SILENT.name}")
@@ -320,12 +320,12 @@ class PlatformConformance(AgainstTheManual):
             platform.send(ZERO, platform.clock.now_ns())
 
     def test_close_lets_go_of_the_wire_and_of_its_threads(
-        self, far_end: Profile, clock: MonotonicClock
+        self, simulator: Profile, clock: MonotonicClock
     ) -> None:
         """A closed adapter is in nobody's way: the next one connects, and no thread is left over."""
         threads = []
         for _ in range(3):
-            platform = self.platform_class(far_end, clock)
+            platform = self.platform_class(simulator, clock)
             platform.connect()
             platform.close()
             threads.append(_thread_count())

@@ -187,7 +187,7 @@ class FakePlatform(Platform):
 
     @classmethod
     def sitl(cls, profile: Profile) -> Sitl:
-        """Return the far end that is not there."""
+        """Return the simulator that is not there."""
         return FakeFarEnd(profile)
 
     def _require_connection(self) -> None:

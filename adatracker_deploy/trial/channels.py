@@ -32,14 +32,14 @@ from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
 from adatracker_deploy.core.mask_png import encode_mask
-from adatracker_deploy.trial.privacy import Veil
+from adatracker_deploy.trial.privacy import Anonymiser
 from adatracker_deploy.trial.step_json import STEP_SCHEMA_NAME, step_schema, step_to_json
 
 if TYPE_CHECKING:
     from adatracker_deploy.core.geometry import Pose
     from adatracker_deploy.core.messages import Box
     from adatracker_deploy.core.record import StepRecord
-    from adatracker_deploy.trial.handover import Picture
+    from adatracker_deploy.trial.ipc import Picture
     from adatracker_deploy.trial.privacy import Frames
 
 JPEG_QUALITY = 85
@@ -99,7 +99,7 @@ class Encoder:
 
     def __init__(self, frames: Frames = "full") -> None:
         self._frames = frames
-        self._veil = Veil()
+        self._veil = Anonymiser()
         self._frame_size: tuple[int, int] | None = None
 
     def picture(self, wall_ns: int, captured_ns: int, seq: int, picture: Picture) -> list[Message]:

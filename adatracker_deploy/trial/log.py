@@ -24,7 +24,7 @@ from adatracker_deploy.trial.folder import (
     writable,
     write_file,
 )
-from adatracker_deploy.trial.handover import (
+from adatracker_deploy.trial.ipc import (
     SLOTS,
     End,
     Free,
@@ -100,7 +100,7 @@ class TrialLog:
         Args:
             log_dir: made when it is not there.
             platform: the robot's name.
-            kind: simulated far end, dry run, or the robot itself.
+            kind: simulator, dry run, or the robot itself.
             policy: the policy's name.
             steps: the planned horizon.
             config: everything else that the run was started with, in plain YAML types.

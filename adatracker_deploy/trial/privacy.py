@@ -25,7 +25,7 @@ LASTS_S = 1.0
 """How long a place stays covered after a person was last seen there: detectors blink."""
 
 
-class Veil:
+class Anonymiser:
     """Blurs everyone whom the masks show except the target.
 
     Whom no mask has shown, it cannot cover.

@@ -18,7 +18,7 @@ from typing import IO, TYPE_CHECKING
 from mcap.writer import CompressionType, IndexType, Writer
 
 from adatracker_deploy.trial.channels import Encoder, channels
-from adatracker_deploy.trial.handover import Picture
+from adatracker_deploy.trial.ipc import Picture
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

@@ -29,7 +29,7 @@ import cv2
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.trial.channels import Encoder
 from adatracker_deploy.trial.folder import sync_folder
-from adatracker_deploy.trial.handover import (
+from adatracker_deploy.trial.ipc import (
     End,
     Free,
     LogLine,

@@ -20,7 +20,7 @@ class _Base:
 
     def __init__(self, profile, clock) -> None:
         from adatracker_wheeled.protocol.codec import Codec
-        from adatracker_wheeled.sim.simulator import FarEnd
+        from adatracker_wheeled.sim.simulator import Simulator
         from adatracker_wheeled.sim.socketcand import SocketcandServer
 
         self.codec = Codec(profile.connection.roles)
@@ -28,10 +28,10 @@ class _Base:
         """Commands that reached the base: the adapter's, for the flood has none."""
         self.said = 0
         """Frames of its own."""
-        self.far_end = FarEnd(profile.connection.roles, profile.sitl, Scenario(seed=1), clock)
+        self.simulator = Simulator(profile.connection.roles, profile.sitl, Scenario(seed=1), clock)
         self.server = SocketcandServer(0, self._hear)
         self._ended = threading.Event()
-        self._thread = threading.Thread(target=self.far_end.serve, args=(self._say, self._ended))
+        self._thread = threading.Thread(target=self.simulator.serve, args=(self._say, self._ended))
         self._thread.start()
 
     def asks(self, frame) -> bool:
@@ -49,7 +49,7 @@ class _Base:
 
     def _hear(self, frame) -> None:
         self.orders += self.asks(frame)
-        self.far_end.hear(frame)
+        self.simulator.hear(frame)
 
     def _say(self, frame) -> None:
         self.said += 1
@@ -76,7 +76,7 @@ def flood_base(count: int) -> Result:
             data = " ".join(f"{byte:02X}" for byte in frame.data)
             bus.sendall(f"< send {frame.id:03X} {len(frame.data):X} {data} >".encode())
 
-        ear, read = platform._helm.wire.ear, 0
+        ear, read = platform._authority.wire.ear, 0
         receive, before = ear.receive, base.said
 
         def reading(frame, now_ns: int) -> None:
@@ -93,9 +93,9 @@ def flood_base(count: int) -> Result:
         known = sorted({frame.id for frame in base.codec.enable()} | _heard_ids(port))
         noise = (frame for frame in frames(known, random.Random(2)) if not base.asks(frame))
         seconds, grown_kb = pour(noise, count, send, keeps_up)
-        until(lambda: platform._helm.wire.rival() is None)  # some of it had the ids of commands
+        until(lambda: platform._authority.wire.rival() is None)  # some of it had the ids of commands
         faults = [f"{base.orders} orders were sent"] if base.orders else []
-        if base.far_end.body.wheels_m != (0.0, 0.0):
+        if base.simulator.body.wheels_m != (0.0, 0.0):
             faults.append("its wheels turned")
         ignored = f"{ear.malformed:,} malformed, {len(ear.strangers)} strange ids"
         return Result(seconds, grown_kb, ignored, (*faults, *lives(platform)))

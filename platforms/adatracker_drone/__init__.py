@@ -1,9 +1,9 @@
-"""The drone: MAVSDK offboard velocity control here, JSBSim behind a PX4 dialect at the far end of the wire.
+"""The drone: MAVSDK offboard velocity control, and JSBSim behind a PX4 dialect as its simulator.
 
-The adapter: `platform`; `manoeuvres` (to OFFBOARD and back), `dialogue` (orders, answers), `helm` (what may
-go out); `vehicle` (all of MAVSDK); `udp`, `guard`, `packets` (the link); `protocol`, `orders`, `events` and
-`heard` (values, pure). The far end: `sitl`, `far_end`; `autopilot`, `commander`, `navigator`, `streams` and
-`estimator` (PX4, pure); `body` (dynamics).
+`platform` joins three rooms. `adapter` flies a real drone: `engage` (to OFFBOARD and back), `command_client`
+(commands, answers), `authority` (what may go out), `transport` (all of MAVSDK), `udp`, `sender_filter`.
+`protocol` is what both ends share, pure: `connection`, `packets`, `setpoints`, `frames`, `events`, `signing`.
+`sim` is PX4 and its airframe: `sitl` (the process), `simulator`, `autopilot`, `commander`, `dynamics`.
 
 Written as a third party would write it: it uses only the toolkit's public interfaces.
 """

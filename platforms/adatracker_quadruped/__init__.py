@@ -1,7 +1,9 @@
 """The quadruped: ROS 2 messages over Zenoh, commands out, odometry and camera in.
 
-Bytes and names, pure: `protocol`, `parts`, `messages`, `sport`, `keys` · the host: `connection`, `session`,
-`wire` (what is open: `watch` hears, `commander` sends), `survey` and `preflight`, `platform` (the adapter),
-`camera` · the far end: `settings`, `gait` and `body` (dynamics, pure), `intake` (commands as a robot takes
-them, pure), `senses`, `far_end`, `sitl`. It uses only public interfaces, as a third party would.
+`platform` joins three rooms. `adapter` walks a real robot: `transport` (what is open), `monitor` (what is
+heard), `command_publisher`, `lease` (who walks it), `preflight`, `camera`. `protocol` is what both ends
+share: `connection`, `keys`, `messages`, `ros_types`, `cdr`, `sport`, `session`. `sim` is the robot: `sitl`
+(the process), `simulator`, `command_decoder`, `sensors`, `dynamics`, `gait`.
+
+Written as a third party would write it: it uses only the toolkit's public interfaces.
 """

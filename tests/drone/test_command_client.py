@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 from adatracker_deploy.core.clock import FakeClock
 from adatracker_deploy.core.errors import PlatformError
-from adatracker_drone.adapter.authority import Helm
-from adatracker_drone.adapter.command_client import Dialogue
+from adatracker_drone.adapter.authority import ControlAuthority
+from adatracker_drone.adapter.command_client import CommandClient
 from adatracker_drone.adapter.commands import HOLD, LAND, OFFBOARD, TAKE_OFF, TELL_MODE
 from adatracker_drone.adapter.transport import Answer
-from adatracker_drone.adapter.vehicle_state import Heard
+from adatracker_drone.adapter.vehicle_state import VehicleState
 from adatracker_drone.protocol.connection import Connection
 
 DENIED = 2
@@ -38,12 +38,12 @@ class Telling(FakeClock):
 class Vehicle:
     """In OFFBOARD until its pilot switches; answers orders after a round trip, and beats once a second."""
 
-    def __init__(self, clock, helm, *, round_trip_s=0.01, pilot_s=1e9, tells=True, grants=True):
-        self.heard = Heard(mode="OFFBOARD")
+    def __init__(self, clock, authority, *, round_trip_s=0.01, pilot_s=1e9, tells=True, grants=True):
+        self.heard = VehicleState(mode="OFFBOARD")
         self.strangers = 0
         self.orders = []
         self.asked_s = -1.0
-        self._clock, self._helm = clock, helm
+        self._clock, self._authority = clock, authority
         self._round_trip_ns, self._pilot_s = round(round_trip_s * 1e9), pilot_s
         self._tells, self._grants = tells, grants
         self._answers = {}
@@ -61,7 +61,7 @@ class Vehicle:
 
     def tell(self, mode):
         self.heard = dataclasses.replace(self.heard, mode=mode, mode_t_ns=self._clock.t_ns)
-        self._helm.on_mode(mode)
+        self._authority.on_mode(mode)
 
     def order(self, order):
         if order is TELL_MODE:
@@ -90,12 +90,12 @@ class Vehicle:
 
 def flying(**made):
     clock = Telling()
-    helm = Helm(Connection(), clock)
-    vehicle = Vehicle(clock, helm, **made)
-    helm.give_consent()
-    helm.take_charge()
-    helm.engage(vehicle)
-    return clock, helm, vehicle, Dialogue(vehicle, helm, clock)
+    authority = ControlAuthority(Connection(), clock)
+    vehicle = Vehicle(clock, authority, **made)
+    authority.give_consent()
+    authority.take_charge()
+    authority.engage(vehicle)
+    return clock, authority, vehicle, CommandClient(vehicle, authority, clock)
 
 
 @given(
@@ -108,9 +108,9 @@ def flying(**made):
 def test_a_pilot_who_switched_before_the_drone_was_asked_is_never_overridden(
     pilot_s, stop_s, round_trip_s, grants, order
 ):
-    clock, helm, vehicle, talk = flying(pilot_s=pilot_s, round_trip_s=round_trip_s, grants=grants)
+    clock, authority, vehicle, talk = flying(pilot_s=pilot_s, round_trip_s=round_trip_s, grants=grants)
     clock.sleep_until(clock.t_ns + round(stop_s * 1e9))
-    helm.withdraw(vehicle, "enough")
+    authority.withdraw(vehicle, "enough")
     try:
         ours = talk.order_down(order, "LAND", "HOLD")
     except PlatformError:
@@ -125,9 +125,9 @@ def test_a_pilot_who_switched_before_the_drone_was_asked_is_never_overridden(
 
 @given(stop_s=st.floats(0, 2), round_trip_s=st.floats(0.001, 0.15))
 def test_a_drone_that_nobody_took_is_told_within_a_round_trip(stop_s, round_trip_s):
-    clock, helm, vehicle, talk = flying(round_trip_s=round_trip_s)
+    clock, authority, vehicle, talk = flying(round_trip_s=round_trip_s)
     clock.sleep_until(clock.t_ns + round(stop_s * 1e9))
-    helm.withdraw(vehicle, "enough")
+    authority.withdraw(vehicle, "enough")
     stopped_s = vehicle.now_s
     assert talk.order_down(LAND, "LAND")
     (at_s, order), *_ = vehicle.orders
@@ -136,19 +136,19 @@ def test_a_drone_that_nobody_took_is_told_within_a_round_trip(stop_s, round_trip
 
 
 def test_a_drone_that_tells_nothing_is_told_nothing():
-    _, helm, vehicle, talk = flying(tells=False)
+    _, authority, vehicle, talk = flying(tells=False)
     vehicle._clock.news.clear()
-    helm.withdraw(vehicle, "enough")
+    authority.withdraw(vehicle, "enough")
     with pytest.raises(PlatformError, match="nobody knows whose the drone is"):
         talk.order_down(LAND, "LAND")
     assert vehicle.orders == []
-    assert helm.in_charge, "it may still tell later"
+    assert authority.in_charge, "it may still tell later"
 
 
 @pytest.mark.parametrize("order", [TAKE_OFF, OFFBOARD])
 def test_an_order_towards_flight_is_not_repeated_once_it_was_stopped(order):
-    clock, helm, vehicle, talk = flying(tells=False)
-    clock.news.append((clock.t_ns + 100_000_000, lambda: helm.withdraw(reason="enough")))
+    clock, authority, vehicle, talk = flying(tells=False)
+    clock.news.append((clock.t_ns + 100_000_000, lambda: authority.withdraw(reason="enough")))
     with pytest.raises(PlatformError, match="enough"):
         talk.order(order, "TAKEOFF")
     assert [each for _, each in vehicle.orders] == [order]

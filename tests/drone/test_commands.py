@@ -1,4 +1,4 @@
-"""Orders as bytes, events as words, modes as names."""
+"""FaultCommands as bytes, events as words, modes as names."""
 
 import json
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import threading
 
 import pytest
-from adatracker_drone.platform import DronePlatform
 from test_platform_sitl import AgainstTheManual, rehearsal_profile
 
 from adatracker_deploy.platform import Sitl
-from adatracker_deploy.sim.process import Orders
-from adatracker_drone.sim.simulator import FarEnd
+from adatracker_deploy.sim.process import FaultCommands
+from adatracker_drone.platform import DronePlatform
+from adatracker_drone.sim.simulator import Simulator
 from adatracker_drone.sim.sitl import DroneSitl
 
 pytestmark = pytest.mark.slow
@@ -23,17 +23,17 @@ class InAThread(Sitl):
         self._profile = profile
         self._ended = threading.Event()
         self._thread = None
-        self._orders = Orders()
+        self._orders = FaultCommands()
 
     def order(self, line):
-        self._orders.obey(line)
+        self._orders.handle(line)
 
     def start(self, clock, scenario):
         port = int(self._profile.connection.url.rpartition(":")[2])
-        far_end = FarEnd(
+        simulator = Simulator(
             self._profile.sitl, scenario.seed, clock.speed, [("127.0.0.1", port)], orders=self._orders
         )
-        self._thread = threading.Thread(target=far_end.serve, args=(clock, self._ended))
+        self._thread = threading.Thread(target=simulator.serve, args=(clock, self._ended))
         self._thread.start()
         return self._profile
 

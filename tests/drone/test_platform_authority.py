@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from adatracker_deploy.core.clock import FakeClock
 from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.messages import ZERO, Twist
-from adatracker_drone.adapter.authority import Helm
-from adatracker_drone.adapter.commands import LAND, OFFBOARD, TAKE_OFF, Order
-from adatracker_drone.adapter.vehicle_state import Heard
+from adatracker_drone.adapter.authority import ControlAuthority
+from adatracker_drone.adapter.commands import LAND, OFFBOARD, TAKE_OFF, VehicleCommand
+from adatracker_drone.adapter.vehicle_state import VehicleState
 from adatracker_drone.protocol.connection import Connection
 
 
@@ -21,10 +21,10 @@ class RecordingVehicle:
 
     def __init__(self, clock: FakeClock) -> None:
         self.sent: list[Twist] = []
-        self.orders: list[Order] = []
+        self.orders: list[VehicleCommand] = []
         self.strangers, self.ignored = 0, "3 from an address"
         self._clock = clock
-        self.heard = Heard(mode="OFFBOARD")
+        self.heard = VehicleState(mode="OFFBOARD")
         self.hear()
 
     def hear(self, **news) -> None:
@@ -34,7 +34,7 @@ class RecordingVehicle:
     def send_velocity(self, command: Twist, now_ns: int) -> None:
         self.sent.append(command)
 
-    def order(self, order: Order) -> None:
+    def order(self, order: VehicleCommand) -> None:
         self.orders.append(order)
 
 
@@ -42,22 +42,22 @@ class Rig:
     def __init__(self, speed: float = 1.0) -> None:
         self.clock = FakeClock(speed=speed)
         self.vehicle = RecordingVehicle(self.clock)
-        self.helm = Helm(Connection(), self.clock)
+        self.authority = ControlAuthority(Connection(), self.clock)
 
     def steer(self, command: Twist = ZERO) -> Twist:
-        return self.helm.steer(self.vehicle, command, self.clock.now_ns())
+        return self.authority.steer(self.vehicle, command, self.clock.now_ns())
 
     def engage(self) -> "Rig":
-        self.helm.give_consent()
-        self.helm.take_charge()
-        self.helm.hold_altitude(self.vehicle, (1.0, 6.0))
-        self.helm.engage(self.vehicle)
+        self.authority.give_consent()
+        self.authority.take_charge()
+        self.authority.hold_altitude(self.vehicle, (1.0, 6.0))
+        self.authority.engage(self.vehicle)
         return self
 
 
 def test_without_consent_nothing_leaves():
     rig = Rig()
-    for send in (rig.steer, lambda: rig.helm.keep_alive(rig.vehicle)):
+    for send in (rig.steer, lambda: rig.authority.keep_alive(rig.vehicle)):
         with pytest.raises(PlatformError):
             send()
     assert rig.vehicle.sent == []
@@ -65,8 +65,8 @@ def test_without_consent_nothing_leaves():
 
 def test_consent_alone_lets_only_zero_out():
     rig = Rig()
-    rig.helm.give_consent()
-    rig.helm.keep_alive(rig.vehicle)
+    rig.authority.give_consent()
+    rig.authority.keep_alive(rig.vehicle)
     with pytest.raises(PlatformError, match="not engaged"):
         rig.steer(Twist(vx=1.0))
     assert rig.vehicle.sent == [ZERO]
@@ -83,42 +83,42 @@ def test_what_is_returned_is_what_was_sent_with_the_climb_that_keeps_the_altitud
 
 def test_the_altitude_counts_from_where_the_drone_took_off():
     rig = Rig()
-    rig.helm.ground_down_m = 1.0
-    assert rig.helm.altitude_m(rig.vehicle.heard) == 3.0
+    rig.authority.ground_down_m = 1.0
+    assert rig.authority.altitude_m(rig.vehicle.heard) == 3.0
 
 
 def test_a_stop_sends_a_last_zero_and_then_nothing_until_consent_is_given_again():
     rig = Rig().engage()
     rig.steer(Twist(vx=1.0))
-    rig.helm.withdraw(rig.vehicle, "enough")
+    rig.authority.withdraw(rig.vehicle, "enough")
     assert rig.vehicle.sent[-1].vx == 0.0
     count = len(rig.vehicle.sent)
     with pytest.raises(PlatformError, match="enough"):
         rig.steer(Twist(vx=1.0))
-    rig.helm.on_mode("OFFBOARD")
+    rig.authority.on_mode("OFFBOARD")
     with pytest.raises(PlatformError):
-        rig.helm.take_charge()
+        rig.authority.take_charge()
     assert len(rig.vehicle.sent) == count
     rig.engage()
     assert rig.steer(Twist(vx=1.0)).vx == 1.0
-    assert rig.helm.stopped == ""
+    assert rig.authority.stopped == ""
 
 
 def test_the_first_reason_stays_and_fits_its_place():
     rig = Rig().engage()
-    rig.helm.withdraw(reason="x" * 500)
-    rig.helm.withdraw(reason="later")
-    assert rig.helm.stopped == "x" * 95
+    rig.authority.withdraw(reason="x" * 500)
+    rig.authority.withdraw(reason="later")
+    assert rig.authority.stopped == "x" * 95
 
 
 @given(st.sampled_from(["POSCTL", "MANUAL", "HOLD", "LAND", "RETURN_TO_LAUNCH", "UNKNOWN"]))
 def test_a_mode_that_nobody_asked_for_ends_everything_and_the_drone_is_no_longer_ours(mode):
     rig = Rig().engage()
-    rig.helm.on_mode(mode)
-    assert not rig.helm.engaged
-    assert not rig.helm.in_charge
-    assert mode in rig.helm.stopped
-    rig.helm.on_mode("OFFBOARD")
+    rig.authority.on_mode(mode)
+    assert not rig.authority.engaged
+    assert not rig.authority.in_charge
+    assert mode in rig.authority.stopped
+    rig.authority.on_mode("OFFBOARD")
     with pytest.raises(PlatformError, match=mode):
         rig.steer(Twist(vx=1.0))
     assert rig.vehicle.sent == []
@@ -126,41 +126,41 @@ def test_a_mode_that_nobody_asked_for_ends_everything_and_the_drone_is_no_longer
 
 def test_the_modes_that_follow_a_stop_are_nobodys_takeover():
     rig = Rig().engage()
-    rig.helm.withdraw(rig.vehicle, "enough")
-    assert rig.helm.order_down(rig.vehicle, LAND, "LAND")
-    rig.helm.on_mode("LAND")
-    assert rig.helm.stopped == "enough"
-    assert rig.helm.in_charge
+    rig.authority.withdraw(rig.vehicle, "enough")
+    assert rig.authority.order_down(rig.vehicle, LAND, "LAND")
+    rig.authority.on_mode("LAND")
+    assert rig.authority.stopped == "enough"
+    assert rig.authority.in_charge
 
 
 @given(st.sampled_from(["POSCTL", "HOLD", "RETURN_TO_LAUNCH", "MISSION"]))
 def test_a_mode_that_nobody_asked_for_makes_it_the_pilots_after_a_stop_too(mode):
     rig = Rig().engage()
-    rig.helm.withdraw(rig.vehicle, "enough")
-    rig.helm.on_mode(mode)
-    assert not rig.helm.order_down(rig.vehicle, LAND, "LAND")
+    rig.authority.withdraw(rig.vehicle, "enough")
+    rig.authority.on_mode(mode)
+    assert not rig.authority.order_down(rig.vehicle, LAND, "LAND")
     assert rig.vehicle.orders == []
-    assert rig.helm.taken_over
+    assert rig.authority.taken_over
 
 
 def test_without_consent_nothing_is_ordered_that_leads_towards_flight():
     rig = Rig()
-    rig.helm.give_consent()
-    rig.helm.order(rig.vehicle, TAKE_OFF)
-    rig.helm.withdraw(reason="enough")
+    rig.authority.give_consent()
+    rig.authority.order(rig.vehicle, TAKE_OFF)
+    rig.authority.withdraw(reason="enough")
     for order in (TAKE_OFF, OFFBOARD):
         with pytest.raises(PlatformError, match="enough"):
-            rig.helm.order(rig.vehicle, order)
+            rig.authority.order(rig.vehicle, order)
     assert rig.vehicle.orders == [TAKE_OFF]
 
 
 def test_a_takeover_between_the_switch_and_the_engagement_is_seen():
     rig = Rig()
-    rig.helm.give_consent()
+    rig.authority.give_consent()
     rig.vehicle.hear(mode="POSCTL")
     with pytest.raises(PlatformError, match="POSCTL"):
-        rig.helm.engage(rig.vehicle)
-    assert not rig.helm.engaged
+        rig.authority.engage(rig.vehicle)
+    assert not rig.authority.engaged
 
 
 def test_a_drone_that_is_no_longer_heard_is_flown_no_further():
@@ -194,7 +194,7 @@ def test_a_sender_that_was_stopped_itself_sends_no_zero_into_the_autopilots_land
     rig.vehicle.hear()
     count = len(rig.vehicle.sent)
     if stop:
-        rig.helm.withdraw(rig.vehicle, "enough")
+        rig.authority.withdraw(rig.vehicle, "enough")
     with pytest.raises(PlatformError, match="enough" if stop else "no set-point went out for 0.6 s"):
         rig.steer(Twist(vx=1.0))
     assert len(rig.vehicle.sent) == count
@@ -202,7 +202,7 @@ def test_a_sender_that_was_stopped_itself_sends_no_zero_into_the_autopilots_land
 
 def test_a_shorter_loss_time_is_minded():
     rig = Rig().engage()
-    rig.helm.loss_s = 0.2
+    rig.authority.loss_s = 0.2
     rig.clock.advance(0.11)
     with pytest.raises(PlatformError, match="no set-point"):
         rig.steer()
@@ -215,17 +215,17 @@ def test_after_a_suspend_nothing_that_moves_is_sent():
     rig.clock.suspend(0.2)
     with pytest.raises(PlatformError, match=r"suspended for 0\.2 s"):
         rig.steer(Twist(vx=1.0))
-    rig.helm.withdraw(rig.vehicle, "enough")
+    rig.authority.withdraw(rig.vehicle, "enough")
     assert len(rig.vehicle.sent) == count
-    assert rig.helm.order_down(rig.vehicle, LAND, "LAND"), "it is still ours to land"
+    assert rig.authority.order_down(rig.vehicle, LAND, "LAND"), "it is still ours to land"
 
 
 def test_after_a_suspend_while_engaging_nothing_climbs():
     rig = Rig()
-    rig.helm.give_consent()
+    rig.authority.give_consent()
     rig.clock.suspend(5.0)
     with pytest.raises(PlatformError, match="suspended"):
-        rig.helm.order(rig.vehicle, TAKE_OFF)
+        rig.authority.order(rig.vehicle, TAKE_OFF)
     assert rig.vehicle.orders == []
 
 
@@ -237,7 +237,7 @@ def test_a_suspend_too_short_to_matter_is_none():
 
 def test_somebody_else_on_a_link_where_nobody_may_be_ends_a_flight():
     rig = Rig()
-    rig.helm = Helm(Connection(alone=True), rig.clock)
+    rig.authority = ControlAuthority(Connection(alone=True), rig.clock)
     rig.engage().steer(Twist(vx=1.0))
     rig.vehicle.strangers = 1
     with pytest.raises(PlatformError, match="somebody else talks"):
@@ -263,7 +263,7 @@ def test_no_set_point_slips_out_after_a_stop_however_the_threads_interleave():
         go.set()
         while not rig.vehicle.sent:
             pass
-        rig.helm.withdraw(rig.vehicle, "enough")
+        rig.authority.withdraw(rig.vehicle, "enough")
         after_the_stop = len(rig.vehicle.sent)
         thread.join(5.0)
         assert not thread.is_alive()

@@ -12,7 +12,6 @@ import threading
 import time
 
 import pytest
-from adatracker_drone.platform import DronePlatform
 from packing import KEY, packer
 from pymavlink.dialects.v20 import common as mavlink
 
@@ -21,6 +20,7 @@ from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.platform import Scenario
 from adatracker_deploy.registry import load_profile
 from adatracker_drone.adapter.preflight import link_checks
+from adatracker_drone.platform import DronePlatform
 from adatracker_drone.protocol.packets import HEARD, split
 from adatracker_drone.sim.fuzz import datagrams
 
@@ -42,7 +42,7 @@ def key_file(folder, key=KEY):
 
 @contextlib.contextmanager
 def rehearsal(**connection):
-    """A far end of its own, and an adapter that is not connected yet."""
+    """A simulator of its own, and an adapter that is not connected yet."""
     shipped, clock = load_profile("px4_quad", DronePlatform), MonotonicClock()
     made = dataclasses.replace(shipped.connection, url="udpin://127.0.0.1:0", **connection)
     with DronePlatform.sitl(dataclasses.replace(shipped, connection=made)) as sitl:

@@ -9,7 +9,6 @@ import time
 from typing import ClassVar
 
 import pytest
-from adatracker_drone.platform import DronePlatform
 from pymavlink.dialects.v20 import common as mavlink
 
 from adatracker_deploy.core.clock import MonotonicClock
@@ -18,6 +17,7 @@ from adatracker_deploy.core.messages import ZERO, Twist
 from adatracker_deploy.platform import Scenario
 from adatracker_deploy.registry import load_profile
 from adatracker_deploy.testing.conformance import PlatformConformance
+from adatracker_drone.platform import DronePlatform
 
 pytestmark = pytest.mark.slow
 
@@ -89,7 +89,7 @@ class GroundStation:
 
 
 class Radio(threading.Thread):
-    """Relays between the far end, which sends to `far_port`, and the adapter, until the link is cut."""
+    """Relays between the simulator, which sends to `far_port`, and the adapter, until the link is cut."""
 
     def __init__(self, far_port: int, near_port: int) -> None:
         super().__init__(daemon=True)
@@ -125,7 +125,7 @@ class Radio(threading.Thread):
 
 @contextlib.contextmanager
 def flight(profile, speed=1.0):
-    """A connected adapter on a far end of its own; at the end the drone is down."""
+    """A connected adapter on a simulator of its own; at the end the drone is down."""
     clock = MonotonicClock(speed)
     with (
         DronePlatform.sitl(profile) as sitl,
@@ -167,7 +167,7 @@ def test_a_start_is_short_and_prints_nothing(capfd):
 
     with DronePlatform.sitl(rehearsal_profile()) as sitl:
         profile = sitl.start(clock, Scenario(seed=1))
-        mark("far end")
+        mark("simulator")
         with DronePlatform(profile, clock) as platform:
             platform.connect()
             mark("connected")

@@ -5,12 +5,12 @@ import threading
 import time
 
 import pytest
-from adatracker_drone.platform import DronePlatform
 from watched import Watched, until, watched
 
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.messages import Twist
+from adatracker_drone.platform import DronePlatform
 from adatracker_drone.protocol.px4 import Mode
 
 pytestmark = pytest.mark.slow
@@ -125,7 +125,7 @@ def test_one_that_does_not_tell_whose_it_is_is_left_alone():
     with watched() as (drone, platform):
         platform.engage()
         drive(platform, 0.3)
-        drone._orders.obey("begin robot_silent")
+        drone._orders.handle("begin robot_silent")
         drone._send = lambda messages: None
         stopped_s = time.monotonic()
         with pytest.raises(PlatformError, match="nobody knows whose the drone is"):

@@ -1,4 +1,4 @@
-"""A rehearsal beside a foreign drone: it reaches its own far end alone, or refuses."""
+"""A rehearsal beside a foreign drone: it reaches its own simulator alone, or refuses."""
 
 import contextlib
 import dataclasses
@@ -7,7 +7,6 @@ import threading
 import time
 
 import pytest
-from adatracker_drone.platform import DronePlatform
 from packing import packer
 from pymavlink.dialects.v20 import common as mavlink
 
@@ -17,6 +16,7 @@ from adatracker_deploy.core.messages import Twist
 from adatracker_deploy.platform import Scenario
 from adatracker_deploy.registry import load_profile
 from adatracker_drone.adapter.sender_filter import Guard
+from adatracker_drone.platform import DronePlatform
 
 pytestmark = pytest.mark.slow
 
@@ -60,7 +60,7 @@ class Foreign(threading.Thread):
 
 @contextlib.contextmanager
 def rehearsal():
-    """A far end and an adapter that is not connected, by the shipped profile as it is."""
+    """A simulator and an adapter that is not connected, by the shipped profile as it is."""
     clock = MonotonicClock(4.0)
     shipped = load_profile("px4_quad", DronePlatform)
     assert shipped.connection.url.endswith(f":{PX4S_OWN}")

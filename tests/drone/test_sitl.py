@@ -1,4 +1,4 @@
-"""The far end as a process: a stranger's script flies it, a ground station reads it, it ends in order."""
+"""The simulator as a process: a stranger's script flies it, a ground station reads it, it ends in order."""
 
 import contextlib
 import dataclasses
@@ -13,7 +13,6 @@ import time
 from pathlib import Path
 
 import pytest
-from adatracker_drone.platform import DronePlatform
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mavsdk import ComponentType, Configuration, Mavsdk
@@ -28,6 +27,7 @@ from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.platform import Scenario
 from adatracker_deploy.registry import load_profile
+from adatracker_drone.platform import DronePlatform
 from adatracker_drone.sim.parameters import PARAMETERS, Kind, from_wire
 from adatracker_drone.sim.simulator import Wire
 from adatracker_drone.sim.sitl import DroneSitl
@@ -124,8 +124,8 @@ def test_a_link_hears_its_own_peer_only():
 
 
 @pytest.fixture
-def far_end():
-    """A started far end on a free port, as a rehearsal starts it."""
+def simulator():
+    """A started simulator on a free port, as a rehearsal starts it."""
     started = []
 
     def start(*, speed=1.0, seed=1, **sitl_settings):
@@ -139,8 +139,8 @@ def far_end():
 
 
 @pytest.mark.slow
-def test_a_script_like_mavsdks_examples_flies_it(far_end):
-    _, url = far_end()
+def test_a_script_like_mavsdks_examples_flies_it(simulator):
+    _, url = simulator()
     drone = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
     try:
         drone.add_any_connection(url)
@@ -194,8 +194,8 @@ def place(telemetry):
 
 
 @pytest.mark.slow
-def test_mavsdk_reads_and_writes_its_parameters(far_end):
-    _, url = far_end()
+def test_mavsdk_reads_and_writes_its_parameters(simulator):
+    _, url = simulator()
     drone = Mavsdk(Configuration.create_with_component_type(ComponentType.COMPANION_COMPUTER))
     try:
         drone.add_any_connection(url)
@@ -209,11 +209,11 @@ def test_mavsdk_reads_and_writes_its_parameters(far_end):
 
 
 @pytest.mark.slow
-def test_a_ground_station_on_the_second_link_sees_everything_and_reads_the_parameters(far_end):
+def test_a_ground_station_on_the_second_link_sees_everything_and_reads_the_parameters(simulator):
     port = free_port()
     station = mavutil.mavlink_connection(f"udpin:127.0.0.1:{port}", source_system=255, dialect="common")
     try:
-        far_end(gcs=f"udpout:127.0.0.1:{port}")
+        simulator(gcs=f"udpout:127.0.0.1:{port}")
         beat = station.recv_match(type="HEARTBEAT", blocking=True, timeout=10)
         assert (beat.autopilot, beat.type) == (mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_TYPE_QUADROTOR)
         assert station.flightmode == "LOITER"
@@ -248,10 +248,10 @@ def received(listener, kind, timeout_s=10.0):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("speed", [1.0, 5.0])
-def test_its_time_runs_as_fast_as_the_shared_clock(far_end, speed):
+def test_its_time_runs_as_fast_as_the_shared_clock(simulator, speed):
     port = free_port()
     with bound_socket(port) as listener:
-        far_end(speed=speed, gcs=f"udpout:127.0.0.1:{port}")
+        simulator(speed=speed, gcs=f"udpout:127.0.0.1:{port}")
         first, _ = received(listener, "ATTITUDE")
         begin_s = time.monotonic()
         while received(listener, "ATTITUDE")[0].time_boot_ms - first.time_boot_ms < 2000 * speed:
@@ -260,8 +260,8 @@ def test_its_time_runs_as_fast_as_the_shared_clock(far_end, speed):
 
 
 @pytest.mark.slow
-def test_it_ends_with_its_lifeline_when_it_never_flew(far_end):
-    sitl, _ = far_end()
+def test_it_ends_with_its_lifeline_when_it_never_flew(simulator):
+    sitl, _ = simulator()
     begin_s = time.monotonic()
     sitl.close()
     assert time.monotonic() - begin_s < 2.0

@@ -9,13 +9,13 @@ import threading
 import time
 from typing import NamedTuple
 
-from adatracker_drone.platform import DronePlatform
 from test_platform_sitl import rehearsal_profile
 
 from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_drone.platform import DronePlatform
 from adatracker_drone.protocol.px4 import Mode
 from adatracker_drone.sim.autopilot import velocity_of
-from adatracker_drone.sim.simulator import FarEnd
+from adatracker_drone.sim.simulator import Simulator
 
 ARM_DISARM, SET_MODE, TAKE_OFF, LAND = 400, 176, 22, 21
 MODES = {ARM_DISARM: "", SET_MODE: "", TAKE_OFF: "TAKEOFF", LAND: "LAND"}
@@ -30,7 +30,7 @@ class Told(NamedTuple):
     """ARM, DISARM, the mode that is asked for, MOVE or ZERO."""
 
 
-class Watched(FarEnd):
+class Watched(Simulator):
     """Runs until it is closed and stands."""
 
     def __init__(self, profile, clock, *, seed=1):

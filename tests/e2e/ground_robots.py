@@ -1,4 +1,4 @@
-"""The wheeled base and the quadruped as a stranger meets them: a far end started by hand, a cable, a watcher.
+"""The wheeled base and the quadruped as a stranger meets them: a simulator run by hand, a cable, a watcher.
 
 The watchers share no code with the robots' packages: one reads socketcand's text, the other CDR by hand.
 """
@@ -88,7 +88,7 @@ class Watcher:
 
 
 class GroundRobot(abc.ABC):
-    """A far end by hand, the cable to it, the profile that goes through the cable, and a watcher."""
+    """A simulator by hand, the cable to it, the profile that goes through the cable, and a watcher."""
 
     module: str
     shipped: str
@@ -96,12 +96,12 @@ class GroundRobot(abc.ABC):
 
     def __init__(self, folder, *arguments: str) -> None:
         self.watcher = Watcher()
-        self.far_end = subprocess.Popen(
+        self.simulator = subprocess.Popen(
             [sys.executable, "-m", self.module, "--profile", self.shipped, *self.any_port, *arguments],
             stdout=subprocess.PIPE,
             text=True,
         )
-        line = self.far_end.stdout.readline()
+        line = self.simulator.stdout.readline()
         assert line.startswith('{"ready"'), line
         self.ready = json.loads(line)["ready"]
         self.cable = Cable(("127.0.0.1", self.port()))
@@ -127,9 +127,9 @@ class GroundRobot(abc.ABC):
     def close(self) -> None:
         self.unwatch()
         self.cable.close()
-        self.far_end.kill()
-        self.far_end.wait()
-        self.far_end.stdout.close()
+        self.simulator.kill()
+        self.simulator.wait()
+        self.simulator.stdout.close()
 
 
 class Wheeled(GroundRobot):

@@ -15,7 +15,7 @@ from adatracker_deploy.faults.judge import MOVING_M_S
 from adatracker_deploy.faults.matrix import FOLLOWED_S, ROWS
 from adatracker_deploy.faults.phase_rows import PHASE_ROWS
 from adatracker_deploy.faults.rehearse import rehearse
-from adatracker_deploy.faults.stalls import Stalls
+from adatracker_deploy.faults.stalls import StallMonitor
 from adatracker_deploy.registry import load_platform, load_profile
 from adatracker_deploy.trial.reader import find_trials, read_trial
 
@@ -30,7 +30,7 @@ BUSY_S = 0.25
 def run(row, folder):
     robot = load_platform(PLATFORM)
     known = known_faults(robot.sitl(load_profile(robot.default_profile, robot)).faults)
-    with Stalls() as stalls:
+    with StallMonitor() as stalls:
         return rehearse(row, PLATFORM, known[row.fault].says, stalls, folder), known[row.fault]
 
 

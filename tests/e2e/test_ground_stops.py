@@ -41,7 +41,7 @@ def robot(request, tmp_path):
 
 @pytest.fixture
 def drive(tmp_path, robot):
-    """Start the command against the robot, whose far end was started by hand."""
+    """Start the command against the robot, whose simulator was started by hand."""
     with started(
         tmp_path, "--platform", robot.name, "--profile", str(robot.profile), "--segmenter", "truth"
     ) as start:
@@ -131,11 +131,11 @@ def test_a_frozen_connection_and_its_return(drive, robot, measured):
 def test_a_robot_that_freezes_and_thaws_does_not_run_on(drive, robot, measured):
     run = drive("--steps", "2000", "--json")
     robot.watcher.wait_until_cruising(CRUISE_M_S)
-    os.kill(robot.far_end.pid, signal.SIGSTOP)
+    os.kill(robot.simulator.pid, signal.SIGSTOP)
     status, summary, _ = run.end()
     assert status == 1
     assert summary["reason"]
-    os.kill(robot.far_end.pid, signal.SIGCONT)
+    os.kill(robot.simulator.pid, signal.SIGCONT)
     stopped(measured, robot, "robot frozen, then thawed", time.monotonic(), ROBOTS_OWN_S)
 
 
@@ -143,7 +143,7 @@ def test_a_robot_that_dies_ends_the_run_with_a_sentence(drive, robot):
     run = drive("--steps", "2000", "--json")
     robot.watcher.wait_until_cruising(CRUISE_M_S)
     onset_s = time.monotonic()
-    robot.far_end.kill()
+    robot.simulator.kill()
     with contextlib.suppress(subprocess.TimeoutExpired):
         run.process.wait(20)
     status, summary, err = run.end()

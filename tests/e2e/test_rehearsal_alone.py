@@ -1,4 +1,4 @@
-"""A rehearsal reaches the far end that it started and nobody else, whoever listens at the usual addresses."""
+"""A rehearsal reaches its own simulator and nobody else, whoever listens at the usual addresses."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ import time
 
 import pytest
 import zenoh
-from adatracker_quadruped.platform import QuadrupedPlatform
-from adatracker_wheeled.platform import WheeledPlatform
 
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.messages import Twist
 from adatracker_deploy.platform import Scenario
 from adatracker_deploy.registry import load_platform, load_profile
+from adatracker_quadruped.platform import QuadrupedPlatform
 from adatracker_quadruped.protocol.session import zenoh_config
+from adatracker_wheeled.platform import WheeledPlatform
 from adatracker_wheeled.sim.socketcand import SocketcandServer
 from tests.quadruped.routers import free_port, until
 
@@ -99,7 +99,7 @@ def test_a_rehearsal_beside_a_foreign_zenoh_router_sends_it_nothing():
         assert foreign.heard == b""
 
 
-def test_a_foreign_socketcand_in_the_far_ends_place_is_sent_no_frame():
+def test_a_foreign_socketcand_in_the_simulators_place_is_sent_no_frame():
     heard = []
     clock = MonotonicClock()
     profile = load_profile("scout", WheeledPlatform)
@@ -150,7 +150,7 @@ class ForeignRobot:
         self._session.close()
 
 
-def test_a_foreign_robot_in_the_far_ends_place_is_sent_not_even_a_stop():
+def test_a_foreign_robot_in_the_simulators_place_is_sent_not_even_a_stop():
     clock = MonotonicClock()
     with QuadrupedPlatform.sitl(load_profile("go2", QuadrupedPlatform)) as sitl:
         rehearsed = sitl.start(clock, Scenario(seed=1))

@@ -10,7 +10,7 @@ import pytest
 from adatracker_deploy.faults.evidence import Evidence, Tick
 from adatracker_deploy.faults.judge import judge
 from adatracker_deploy.faults.matrix import Row
-from adatracker_deploy.sim.witness import Account, Told
+from adatracker_deploy.sim.ground_truth import Account, Told
 
 ONSET_NS = 5_000_000_000
 STOP = Row("link_drop", "told", 0.3, frozenset({"safety_stop"}))

@@ -13,7 +13,7 @@ import pytest
 from adatracker_deploy import platform, registry
 from adatracker_deploy.cli import faults, main
 from adatracker_deploy.faults.judge import Result
-from adatracker_deploy.faults.stalls import Stalls
+from adatracker_deploy.faults.stalls import StallMonitor
 from adatracker_deploy.faults.table import BEGIN, END
 from adatracker_deploy.testing.fake import FakePlatform
 
@@ -42,13 +42,13 @@ def test_a_robot_that_lacks_what_was_asked_for_is_told_with_the_reason(capsys):
     assert "drone camera_gone: its camera is drawn in the tracker" in " ".join(out.split())
 
 
-def test_a_robot_whose_far_end_takes_no_orders_is_refused_or_left_out(capsys, monkeypatch):
+def test_a_robot_whose_simulator_takes_no_orders_is_refused_or_left_out(capsys, monkeypatch):
     monkeypatch.setattr(registry, "platform_names", lambda: ["fake"])
     monkeypatch.setattr(registry, "load_platform", lambda _: FakePlatform)
     monkeypatch.setattr(registry, "load_profile", lambda *_: None)
     monkeypatch.setattr(FakePlatform, "sitl", lambda _: NoOrders())
     assert main(["faults", "--platform", "fake"]) == 2
-    assert "its far end takes no orders" in capsys.readouterr().err
+    assert "its simulator takes no orders" in capsys.readouterr().err
     assert main(["faults"]) == 0
 
 
@@ -90,7 +90,7 @@ def test_a_row_that_goes_wrong_is_run_again_where_the_machine_stood_still_or_it_
         assert list(folder.iterdir()) == []
         return next(left)
 
-    result = faults._until_calm(faults.Job(row, alone), Stalls())
+    result = faults._until_calm(faults.Job(row, alone), StallMonitor())
     assert (result.verdict, result.tries) == (verdict, tries)
     assert next(left, None) is None
     assert not any(folder.exists() for folder in folders)
@@ -120,7 +120,7 @@ class Yard:
 def test_rows_are_rehearsed_side_by_side_of_one_robot_too():
     yard, told = Yard(robots=2), []
     jobs = [yard.job(name, "ok") for name in ("drone", "drone", "drone", "wheeled", "wheeled")]
-    results = faults._run_all(jobs, 2, Stalls(), told.append)
+    results = faults._run_all(jobs, 2, StallMonitor(), told.append)
     assert [result.platform for result in results] == ["drone"] * 3 + ["wheeled"] * 2
     assert yard.seen[1] == (("drone", "drone"), False)
     assert {len(running) for running, _ in yard.seen} == {1, 2}
@@ -134,7 +134,7 @@ def test_rows_of_timing_and_those_that_went_wrong_beside_another_run_alone_and_t
         yard.job("drone", "LATE", "ok"),
         yard.job("wheeled", "ok"),
     ]
-    results = faults._run_all(jobs, 2, Stalls(), told.append)
+    results = faults._run_all(jobs, 2, StallMonitor(), told.append)
     assert [result.verdict for result in results] == ["ok"] * 3
     assert yard.seen[2:] == [(("drone",), True), (("drone",), False)]
     assert [result.platform for result in told] == ["wheeled", "drone", "drone"]
@@ -145,7 +145,7 @@ def test_rows_of_timing_and_those_that_went_wrong_beside_another_run_alone_and_t
 
 def test_a_row_that_is_wrong_alone_too_is_wrong():
     jobs = [faults.Job(lambda *_: answer("LATE"))]
-    assert [result.verdict for result in faults._run_all(jobs, 2, Stalls(), lambda _: None)] == ["LATE"]
+    assert [result.verdict for result in faults._run_all(jobs, 2, StallMonitor(), lambda _: None)] == ["LATE"]
 
 
 def test_every_first_failure_is_told_and_counted(capsys, monkeypatch):

@@ -13,10 +13,10 @@ from adatracker_deploy.faults import injection as module
 from adatracker_deploy.faults.injection import Injection
 from adatracker_deploy.faults.phases import TrialPhase
 from adatracker_deploy.faults.schedule import parse_schedule
-from adatracker_deploy.sim.witness import FILE_NAME, Witness, read_witness
+from adatracker_deploy.sim.ground_truth import FILE_NAME, GroundTruthRecorder, read_witness
 
 
-class FarEnd:
+class Simulator:
     """A simulated robot that keeps what it is ordered."""
 
     faults = (LINK_DROP,)
@@ -60,10 +60,10 @@ def inject(tmp_path):
     started = []
 
     def inject(*texts, flies=False):
-        far_end = FarEnd()
-        strikes = parse_schedule(texts, known_faults(far_end.faults), flies=flies)
-        started.append(Injection(strikes, far_end, MonotonicClock(), tmp_path))
-        return started[-1], far_end
+        simulator = Simulator()
+        strikes = parse_schedule(texts, known_faults(simulator.faults), flies=flies)
+        started.append(Injection(strikes, simulator, MonotonicClock(), tmp_path))
+        return started[-1], simulator
 
     yield inject
     for injection in started:
@@ -77,7 +77,7 @@ def account_of(log):
 
 
 def test_each_fault_is_ordered_or_struck_and_written_down_and_one_after_the_end_is_not(inject, log):
-    injection, far_end = inject("link_drop@0,policy_nan@3600")
+    injection, simulator = inject("link_drop@0,policy_nan@3600")
     injection.attend(log)
     for _ in range(3):  # every tick
         injection.enter("following")
@@ -85,8 +85,8 @@ def test_each_fault_is_ordered_or_struck_and_written_down_and_one_after_the_end_
     injection.enter("stopping")
     injection.outlast()
     injection.settle()
-    assert far_end.orders[1:] == ["begin link_drop", "end link_drop"]
-    assert far_end.orders[0].startswith("witness /")
+    assert simulator.orders[1:] == ["begin link_drop", "end link_drop"]
+    assert simulator.orders[0].startswith("witness /")
     assert log.messages == [
         "fault: link_drop begins",
         "fault: policy_nan was not injected: the trial had ended",
@@ -102,10 +102,10 @@ def test_each_fault_is_ordered_or_struck_and_written_down_and_one_after_the_end_
 
 
 def test_a_fault_strikes_before_there_is_a_log_and_is_told_when_there_is_one(inject, log):
-    injection, far_end = inject("link_drop@connecting")
+    injection, simulator = inject("link_drop@connecting")
     injection.enter("connecting")
     end_s = time.monotonic() + 10
-    while "begin link_drop" not in far_end.orders:
+    while "begin link_drop" not in simulator.orders:
         assert time.monotonic() < end_s
     injection.attend(log)
     log.wait_for("fault: link_drop begins")
@@ -138,14 +138,14 @@ def test_between_two_trials_what_is_due_at_once_still_strikes(inject, log, monke
 
 
 def test_a_drone_is_armed_and_climbs_when_its_own_witness_says_so(inject, log):
-    injection, far_end = inject("link_drop@climbing", flies=True)
+    injection, simulator = inject("link_drop@climbing", flies=True)
     injection.attend(log)
-    robot = Witness(log.folder / FILE_NAME)
+    robot = GroundTruthRecorder(log.folder / FILE_NAME)
     robot.flight(0.0, 5.0)  # the flight before
     injection.enter("engaging")
     robot.mode("TAKEOFF", armed=True)
     robot.flight(0.8, 0.4)
-    assert "begin link_drop" not in far_end.orders
+    assert "begin link_drop" not in simulator.orders
     robot.flight(0.8, 0.6)
     log.wait_for("fault: link_drop begins")
     assert [phase for _, phase in account_of(log).phases] == ["engaging", "armed", "climbing"]

@@ -12,7 +12,7 @@ from adatracker_deploy.faults.judge import judge
 from adatracker_deploy.faults.matrix import ROWS
 from adatracker_deploy.faults.phase_rows import PHASE_FAULTS, PHASE_ROWS, absent_in_phase, all_rows, has_phase
 from adatracker_deploy.faults.phases import ORDER, TrialPhase
-from adatracker_deploy.sim.witness import Told
+from adatracker_deploy.sim.ground_truth import Told
 
 from .evidences import ONSET_NS, as_it_should, commands, nothing_happened, ns
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.core.faults import CAMERA_GONE, OURS, Fault, known_faults
 from adatracker_deploy.faults.phases import IN_FLIGHT, ORDER, TrialPhase
-from adatracker_deploy.faults.schedule import LATEST_S, Strike, next_due, parse_schedule
+from adatracker_deploy.faults.schedule import LATEST_S, ScheduledFault, next_due, parse_schedule
 from adatracker_deploy.runtime.loop import BLIND_S
 
 KNOWN = known_faults((CAMERA_GONE,))
@@ -76,7 +76,7 @@ def test_a_fault_that_is_over_may_come_again():
 
 @given(NAMES, st.sampled_from(ORDER), TIMES)
 def test_a_strike_is_written_as_it_is_read(name, phase, at_s):
-    strike = Strike(KNOWN[name], at_s, phase)
+    strike = ScheduledFault(KNOWN[name], at_s, phase)
     (read,) = parse_schedule([f"{name}@{phase}+{at_s:.3f}"], KNOWN, flies=True)
     assert read == strike
     if at_s == round(at_s, 3) and at_s < 1000:  # as many digits as %g shows
@@ -98,7 +98,7 @@ def test_phases_are_named_come_in_their_order_and_a_climb_is_a_drones():
             parse_schedule([f"interrupt@{phase}"], KNOWN)
 
 
-@given(st.lists(st.builds(Strike, st.sampled_from(OURS), TIMES, st.sampled_from(ORDER)), max_size=10))
+@given(st.lists(st.builds(ScheduledFault, st.sampled_from(OURS), TIMES, st.sampled_from(ORDER)), max_size=10))
 def test_what_is_due_next_is_the_soonest_of_the_phases_that_were_entered(strikes):
     entered = {TrialPhase.CONNECTING: 100.0, TrialPhase.FOLLOWING: 105.0}
     due = next_due(strikes, entered)
@@ -108,7 +108,7 @@ def test_what_is_due_next_is_the_soonest_of_the_phases_that_were_entered(strikes
         assert due[0] == min(times) == entered[due[1].phase] + due[1].at_s
 
 
-def test_a_far_ends_own_way_comes_before_ours():
+def test_a_simulators_own_way_comes_before_ours():
     theirs = Fault("camera_freeze", "its own way", 7.0)
     assert known_faults((theirs,))["camera_freeze"] is theirs
     assert known_faults(())["camera_freeze"].lasts_s > BLIND_S

@@ -7,11 +7,11 @@ import os
 import threading
 import time
 
-from adatracker_deploy.faults.stalls import Stalls
+from adatracker_deploy.faults.stalls import StallMonitor
 
 
 def test_an_interpreter_that_stands_still_is_noticed_then_and_not_before():
-    with Stalls() as stalls:
+    with StallMonitor() as stalls:
         before_ns = time.monotonic_ns()
         while True:  # the watcher sleeps by now, and is due
             ctypes.PyDLL(None).usleep(80_000)  # which keeps the interpreter's lock
@@ -28,7 +28,7 @@ def test_every_core_is_watched_and_the_rest_of_the_program_stays_where_it_may_ru
         threads = [thread for thread in threading.enumerate() if thread.name.startswith("stalls")]
         return [os.sched_getaffinity(thread.native_id) for thread in threads]
 
-    with Stalls():
+    with StallMonitor():
         end_s = time.monotonic() + 10
         while sorted(watched(), key=min) != [{core} for core in sorted(cores)]:
             assert time.monotonic() < end_s, watched()

@@ -12,7 +12,7 @@ import pytest
 
 from adatracker_deploy.faults.take_off import reached
 from adatracker_deploy.faults.watch import Seen, Watch
-from adatracker_deploy.sim.witness import Account, Flying, Witness
+from adatracker_deploy.sim.ground_truth import Account, Flying, GroundTruthRecorder
 
 LINK = """
 import pathlib, sys
@@ -45,7 +45,7 @@ def eventually(look):
 
 def test_a_stopped_and_a_killed_process_are_seen_by_their_role(tracker, tmp_path):
     path, began_ns = tmp_path / "witness.txt", time.monotonic_ns()
-    robot = Witness(path)
+    robot = GroundTruthRecorder(path)
     robot.process("robot")  # this test stands in for it
 
     def first(role, state):

@@ -1,4 +1,4 @@
-"""Real far ends for camera tests: a server that says what a test tells it to, pictures, and waiting."""
+"""Real simulators for camera tests: a server that says what a test tells it to, pictures, and waiting."""
 
 from __future__ import annotations
 

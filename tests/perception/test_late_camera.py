@@ -158,12 +158,12 @@ class Robot:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("far_end", [mjpeg, rtsp, ros2])
-def test_pictures_that_come_later_and_later_drive_nothing(far_end, measured):
+@pytest.mark.parametrize("simulator", [mjpeg, rtsp, ros2])
+def test_pictures_that_come_later_and_later_drive_nothing(simulator, measured):
     congestion = Congestion()
     with contextlib.ExitStack() as stack:
         stack.callback(congestion.ended.set)
-        camera = open_source(stack.enter_context(far_end(congestion)), CLOCK)
+        camera = open_source(stack.enter_context(simulator(congestion)), CLOCK)
         stack.callback(camera.close)
         camera.open()
         perception = stack.enter_context(Perception(camera, Seer(), CLOCK, 200.0))
@@ -187,7 +187,7 @@ def test_pictures_that_come_later_and_later_drive_nothing(far_end, measured):
         until(lambda: ends or congestion.age_s(time.monotonic()) > 2.5, 20.0)
         following.join()
     worst_s = max(map(congestion.age_s, robot.moving_s))
-    measured(f"late pictures, {far_end.__name__}: the oldest that moved {worst_s:.2f} s; then {ends[0]}")
+    measured(f"late pictures, {simulator.__name__}: the oldest that moved {worst_s:.2f} s; then {ends[0]}")
     assert robot.moving_s[-1] > slow_s
     assert worst_s < LIMIT_S + BUSY_S
 

@@ -1,4 +1,4 @@
-"""The far end's stream: anybody can watch, nobody delays it, and it says what a part is."""
+"""The simulator's stream: anybody can watch, nobody delays it, and it says what a part is."""
 
 from __future__ import annotations
 

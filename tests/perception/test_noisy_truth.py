@@ -1,4 +1,4 @@
-"""The truth of a rehearsal, spoilt like a real segmenter's masks: as much a second, however many frames."""
+"""The truth of a rehearsal, with a real segmenter's noise: as much a second, however many frames."""
 
 from __future__ import annotations
 

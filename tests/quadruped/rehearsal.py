@@ -8,11 +8,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-from adatracker_quadruped.platform import QuadrupedPlatform
-
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.platform import Scenario
 from adatracker_deploy.registry import load_profile
+from adatracker_quadruped.platform import QuadrupedPlatform
 from adatracker_quadruped.protocol.rehearsal_keys import SitlKeys
 from adatracker_quadruped.protocol.session import open_session
 from tests.quadruped.routers import publisher_of, until
@@ -28,7 +27,7 @@ def rehearsed(**connection):
 
 
 @contextlib.contextmanager
-def far_end(profile=None):
+def simulator(profile=None):
     """A simulated robot of its own; gives its `Sitl` and the profile that reaches it."""
     with QuadrupedPlatform.sitl(profile or rehearsed()) as sitl:
         yield sitl, sitl.start(MonotonicClock(), Scenario(seed=1))
@@ -80,7 +79,7 @@ def moved(platform, since, seconds=1.0):
 
 @contextlib.contextmanager
 def by_hand(port):
-    """The far end's process as an engineer starts it; gives the process once it is up."""
+    """The simulator's process as an engineer starts it; gives the process once it is up."""
     process = subprocess.Popen(
         [sys.executable, "-m", "adatracker_quadruped.sim.sitl", "--listen", f"tcp/127.0.0.1:{port}"],
         stdout=subprocess.PIPE,

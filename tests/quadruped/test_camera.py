@@ -13,7 +13,6 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from adatracker_quadruped.platform import QuadrupedPlatform
 
 from adatracker_deploy.core.camera import OPEN_TIMEOUT_S
 from adatracker_deploy.core.clock import MonotonicClock
@@ -22,12 +21,13 @@ from adatracker_deploy.core.geometry import Pose
 from adatracker_deploy.core.messages import MaskClass, Truth
 from adatracker_deploy.perception.compressed_image import CompressedImage
 from adatracker_quadruped.adapter.camera import ZenohCamera
+from adatracker_quadruped.platform import QuadrupedPlatform
 from adatracker_quadruped.protocol.camera_topic import with_camera
 from adatracker_quadruped.protocol.keys import Keys
 from adatracker_quadruped.protocol.messages import encode_compressed_image
-from adatracker_quadruped.protocol.publisher import Outlet
+from adatracker_quadruped.protocol.publisher import Publisher
 from adatracker_quadruped.protocol.rehearsal_keys import Fault, SitlKeys, encode_stamped_truth
-from tests.quadruped.rehearsal import far_end, goes_wrong, rehearsed
+from tests.quadruped.rehearsal import goes_wrong, rehearsed, simulator
 from tests.quadruped.routers import free_port, robot, until
 
 
@@ -39,8 +39,8 @@ class Lens:
     """A robot whose images the test makes, behind a real router; each frame is grey by its number."""
 
     def __init__(self, session, connection):
-        self._outlet = Outlet(session, Keys(connection).camera, attaches=Keys(connection).attaches)
-        self._truths = Outlet(session, SitlKeys(connection).truth, attaches=False)
+        self._outlet = Publisher(session, Keys(connection).camera, attaches=Keys(connection).attaches)
+        self._truths = Publisher(session, SitlKeys(connection).truth, attaches=False)
         self.shots = 0
 
     def put(self, payload):
@@ -232,7 +232,7 @@ def test_each_image_of_a_rehearsal_has_the_truth_of_its_own_stamp(profile):
 
 @pytest.fixture
 def rehearsal():
-    with far_end() as (sitl, profile):
+    with simulator() as (sitl, profile):
         camera = ZenohCamera(profile, MonotonicClock())
         camera.open()
         yield sitl, profile, camera

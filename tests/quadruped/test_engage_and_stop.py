@@ -6,7 +6,6 @@ import math
 import threading
 
 import pytest
-from adatracker_quadruped.platform import QuadrupedPlatform
 
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import PlatformError
@@ -15,8 +14,9 @@ from adatracker_deploy.core.messages import ZERO, Twist
 from adatracker_deploy.platform import Scenario
 from adatracker_deploy.registry import load_profile
 from adatracker_quadruped.adapter.lease import Lease
+from adatracker_quadruped.platform import QuadrupedPlatform
 from adatracker_quadruped.protocol.messages import Odometry, encode_odometry, in_body, in_odom
-from tests.quadruped.rehearsal import connected, far_end, send_for, speed
+from tests.quadruped.rehearsal import connected, send_for, simulator, speed
 from tests.quadruped.routers import until
 
 WALK = Twist(vx=0.8)
@@ -29,7 +29,7 @@ STOPS = {
 
 @pytest.fixture(scope="module")
 def profile():
-    with far_end() as (_, reached):
+    with simulator() as (_, reached):
         yield reached
 
 

@@ -26,7 +26,7 @@ from adatracker_quadruped.protocol.messages import (
 from adatracker_quadruped.protocol.rehearsal_keys import SitlKeys
 from adatracker_quadruped.protocol.session import open_session
 from adatracker_quadruped.sim.fuzz import payloads
-from tests.quadruped.rehearsal import connected, far_end, memory_kb, moved
+from tests.quadruped.rehearsal import connected, memory_kb, moved, simulator
 from tests.quadruped.routers import until
 
 pytestmark = pytest.mark.slow
@@ -63,7 +63,7 @@ def flood(session, key, good, pid):
 
 @pytest.mark.parametrize("inbound", ["command", "fault", "go"])
 def test_the_robot_does_not_move_for_hostile_commands(inbound):
-    with far_end() as (sitl, profile), connected(profile) as platform:
+    with simulator() as (sitl, profile), connected(profile) as platform:
         keys, sitl_keys = Keys(profile.connection), SitlKeys(profile.connection)
         key = {"command": keys.command, "fault": sitl_keys.fault, "go": sitl_keys.go}[inbound]
         start = platform.state().pose
@@ -84,7 +84,7 @@ def engages(platform):
 
 @pytest.mark.parametrize("inbound", ["odometry", "imu", "battery"])
 def test_the_host_lives_through_hostile_messages_from_the_robots_side(inbound):
-    with far_end() as (_, profile), connected(profile) as platform:
+    with simulator() as (_, profile), connected(profile) as platform:
         key = getattr(Keys(profile.connection), inbound)
         with open_session(profile.connection) as session:
             assert flood(session, key, GOOD[inbound], os.getpid()) < LARGEST_GROWTH_KB
@@ -101,7 +101,7 @@ def test_the_host_lives_through_hostile_messages_from_the_robots_side(inbound):
 
 
 def test_the_camera_shows_nothing_hostile():
-    with far_end() as (_, profile):
+    with simulator() as (_, profile):
         camera = ZenohCamera(profile, MonotonicClock())
         camera.open()
         try:

@@ -6,15 +6,15 @@ import time
 
 import pytest
 import zenoh
-from adatracker_quadruped.platform import QuadrupedPlatform
 
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.messages import Twist
 from adatracker_quadruped.adapter.lease import SETTLE_S, Lease
+from adatracker_quadruped.platform import QuadrupedPlatform
 from adatracker_quadruped.protocol.connection import Connection
 from adatracker_quadruped.protocol.session import open_session
-from tests.quadruped.rehearsal import connected, far_end, send_for
+from tests.quadruped.rehearsal import connected, send_for, simulator
 from tests.quadruped.routers import free_port, robot, until
 from tests.race import owners, race
 
@@ -117,7 +117,7 @@ def test_a_claim_that_is_given_up_ends_at_once_and_leaves_nothing(seen):
 @pytest.mark.slow
 def test_a_second_owner_that_appears_while_walking_latches_and_an_engage_is_refused():
     with (
-        far_end() as (_, profile),
+        simulator() as (_, profile),
         connected(profile) as platform,
         open_session(profile.connection) as session,
     ):
@@ -141,7 +141,7 @@ def engages(platform):
 @pytest.mark.slow
 def test_one_robot_has_one_adapter_on_a_machine_until_it_is_closed():
     with (
-        far_end() as (_, profile),
+        simulator() as (_, profile),
         connected(profile) as first,
         QuadrupedPlatform(profile, MonotonicClock()) as second,
     ):
@@ -154,7 +154,7 @@ def test_one_robot_has_one_adapter_on_a_machine_until_it_is_closed():
 @pytest.mark.slow
 @pytest.mark.parametrize("elsewhere", [(), ("--elsewhere",)], ids=["one machine", "two machines"])
 def test_of_two_that_start_at_once_exactly_one_has_the_robot(elsewhere, measured):
-    with far_end() as (_, profile):
+    with simulator() as (_, profile):
         own = dataclasses.asdict(profile.connection)
         connection = {name: own[name] for name in ("endpoint", "rehearsal_token", "camera_topic")}
         results = race("quadruped", connection, *elsewhere)

@@ -8,7 +8,6 @@ import threading
 import time
 
 import pytest
-from adatracker_quadruped.platform import QuadrupedPlatform
 
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import PlatformError
@@ -16,20 +15,21 @@ from adatracker_deploy.core.geometry import Pose
 from adatracker_deploy.core.messages import ZERO, Twist
 from adatracker_deploy.perception.zenoh_session import dial
 from adatracker_quadruped.adapter.transport import Wire
+from adatracker_quadruped.platform import QuadrupedPlatform
 from adatracker_quadruped.protocol.connection import Connection
 from adatracker_quadruped.protocol.keys import Keys
 from adatracker_quadruped.protocol.messages import Odometry, encode_odometry
-from adatracker_quadruped.protocol.publisher import Outlet
+from adatracker_quadruped.protocol.publisher import Publisher
 from adatracker_quadruped.protocol.rehearsal_keys import Fault
 from tests.other_machine import OfAnotherMachine
 from tests.quadruped.rehearsal import (
     by_hand,
     connected,
-    far_end,
     goes_wrong,
     moved,
     rehearsed,
     send_for,
+    simulator,
     speed,
 )
 from tests.quadruped.routers import free_port, robot, until
@@ -105,7 +105,7 @@ def test_a_router_without_a_robot_is_said_within_two_seconds():
 
 
 def test_a_robot_that_stays_silent_is_said_within_two_seconds():
-    with far_end() as (_, profile):
+    with simulator() as (_, profile):
         goes_wrong(profile, Fault.SILENT)
         with contextlib.closing(Wire(profile.connection, MonotonicClock())) as wire:
             until(lambda: not wire.hears("odom", 0.2))
@@ -127,7 +127,7 @@ def test_a_robot_that_listens_to_no_command_is_not_engaged():
         robot_liveliness="",
     )
     with robot(profile.connection) as session, QuadrupedPlatform(profile, MonotonicClock()) as platform:
-        odometry = Outlet(session, "odom", attaches=False)
+        odometry = Publisher(session, "odom", attaches=False)
 
         def heard():
             unix_ns = time.time_ns()
@@ -146,7 +146,7 @@ def test_a_robot_that_listens_to_no_command_is_not_engaged():
 
 @pytest.mark.parametrize(("fault", "check"), [(Fault.LOW_BATTERY, "battery"), (Fault.TIPPED_OVER, "upright")])
 def test_the_preflight_refuses_a_robot_that_is_not_fit(fault, check):
-    with far_end() as (_, profile):
+    with simulator() as (_, profile):
         goes_wrong(profile, fault)
         with QuadrupedPlatform(profile, MonotonicClock()) as platform:
             platform.connect()
@@ -155,7 +155,7 @@ def test_the_preflight_refuses_a_robot_that_is_not_fit(fault, check):
 
 def test_a_second_host_is_refused_until_the_first_has_left(monkeypatch):
     monkeypatch.setattr("adatracker_quadruped.adapter.transport.Claim", OfAnotherMachine)
-    with far_end() as (_, profile):
+    with simulator() as (_, profile):
         with connected(profile) as first:
             with QuadrupedPlatform(profile, MonotonicClock()) as second:
                 second.connect()
@@ -172,7 +172,7 @@ def test_a_second_host_is_refused_until_the_first_has_left(monkeypatch):
 
 
 def test_a_host_that_paused_does_not_set_a_robot_going_that_has_stopped_by_itself():
-    with far_end() as (_, profile), connected(profile) as platform:
+    with simulator() as (_, profile), connected(profile) as platform:
         platform.engage()
         send_for(platform, WALK, 0.5)
         paused_s = profile.connection.command_timeout_s + 0.1
@@ -184,7 +184,7 @@ def test_a_host_that_paused_does_not_set_a_robot_going_that_has_stopped_by_itsel
 
 
 def test_closing_while_another_thread_disengages_is_no_error(monkeypatch):
-    with far_end() as (_, profile), connected(profile) as platform:
+    with simulator() as (_, profile), connected(profile) as platform:
         platform.engage()
         send_for(platform, WALK, 0.2)
         pauses = []
@@ -200,7 +200,7 @@ def test_closing_while_another_thread_disengages_is_no_error(monkeypatch):
 
 
 def test_a_killed_robot_is_noticed_within_a_fifth_of_a_second():
-    with far_end() as (sitl, profile), connected(profile) as platform:
+    with simulator() as (sitl, profile), connected(profile) as platform:
         platform.engage()
         send_for(platform, WALK, 0.5)
         os.kill(sitl.pid, signal.SIGKILL)
@@ -211,7 +211,7 @@ def test_a_killed_robot_is_noticed_within_a_fifth_of_a_second():
 
 
 def test_a_frozen_robot_is_noticed_and_a_thawed_one_does_not_walk():
-    with far_end() as (sitl, profile), connected(profile) as platform:
+    with simulator() as (sitl, profile), connected(profile) as platform:
         platform.engage()
         send_for(platform, WALK, 1.0)
         os.kill(sitl.pid, signal.SIGSTOP)
@@ -232,7 +232,7 @@ def test_a_frozen_robot_is_noticed_and_a_thawed_one_does_not_walk():
 
 
 def test_a_disengaged_robot_stands_and_one_that_is_not_seen_to_stand_is_told():
-    with far_end() as (sitl, profile), connected(profile) as platform:
+    with simulator() as (sitl, profile), connected(profile) as platform:
         platform.engage()
         send_for(platform, WALK, 1.0)
         platform.disengage()
@@ -268,7 +268,7 @@ def test_a_router_that_is_gone_and_comes_back_resumes_nothing():
 
 @pytest.mark.parametrize("fault", [Fault.SILENT, Fault.FROZEN_ODOMETRY])
 def test_a_robot_that_tells_nothing_new_is_stopped(fault):
-    with far_end() as (_, profile), connected(profile) as platform:
+    with simulator() as (_, profile), connected(profile) as platform:
         platform.engage()
         send_for(platform, WALK, 0.5)
         goes_wrong(profile, fault)
@@ -282,13 +282,13 @@ def test_a_robot_that_tells_nothing_new_is_stopped(fault):
 
 def test_a_robot_whose_odometry_begins_again_is_stopped_at_once_and_not_for_want_of_it():
     """Its driver's clock is set back by ten seconds, or the driver is started anew."""
-    with far_end() as (_, profile), connected(profile) as platform:
+    with simulator() as (_, profile), connected(profile) as platform:
         platform.engage()
         send_for(platform, WALK, 0.5)
         connection = profile.connection
         with dial(connection.endpoint) as session:
             keys = Keys(connection)
-            before = Outlet(session, keys.odometry, attaches=keys.attaches)
+            before = Publisher(session, keys.odometry, attaches=keys.attaches)
             ahead_ns = time.time_ns() + 10 * 10**9
             pose, velocity = platform.state().pose, platform.state().velocity
             before.put(encode_odometry(Odometry(pose, velocity, ahead_ns)), ahead_ns)

@@ -3,10 +3,10 @@
 from typing import ClassVar
 
 import pytest
-from adatracker_quadruped.platform import QuadrupedPlatform
 
 from adatracker_deploy.core.messages import Twist
 from adatracker_deploy.testing.conformance import PlatformConformance
+from adatracker_quadruped.platform import QuadrupedPlatform
 from tests.quadruped.rehearsal import rehearsed
 
 pytestmark = pytest.mark.slow
@@ -21,7 +21,7 @@ class TestQuadrupedInSitl(PlatformConformance):
     platform_class = QuadrupedPlatform
     clock_speed = 5.0
     manual: ClassVar = TWIST
-    says = "adatracker_quadruped.protocol.publisher:Outlet.put"
+    says = "adatracker_quadruped.protocol.publisher:Publisher.put"
 
 
 class TestQuadrupedWithStampedCommandsOverRmwZenoh(TestQuadrupedInSitl):

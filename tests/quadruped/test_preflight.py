@@ -5,10 +5,10 @@ import math
 
 import pytest
 
-from adatracker_quadruped.adapter.preflight import Heard, judge
+from adatracker_quadruped.adapter.preflight import RobotTelemetry, judge
 from adatracker_quadruped.protocol.connection import Connection
 
-FIT = Heard(
+FIT = RobotTelemetry(
     command_key="cmd_vel",
     matched=True,
     has_rival=False,

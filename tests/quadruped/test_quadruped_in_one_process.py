@@ -5,14 +5,14 @@ import threading
 from typing import ClassVar
 
 import pytest
-from adatracker_quadruped.platform import QuadrupedPlatform
 
 from adatracker_deploy.platform import Sitl
-from adatracker_deploy.sim.process import Orders
+from adatracker_deploy.sim.process import FaultCommands
 from adatracker_deploy.testing.conformance import PlatformConformance
+from adatracker_quadruped.platform import QuadrupedPlatform
 from adatracker_quadruped.protocol.camera_topic import with_camera
 from adatracker_quadruped.protocol.rehearsal_keys import ON_DEMAND
-from adatracker_quadruped.sim.simulator import FarEnd, Robot
+from adatracker_quadruped.sim.simulator import Robot, Simulator
 from tests.quadruped.rehearsal import rehearsed
 from tests.quadruped.routers import free_port
 from tests.quadruped.test_platform_sitl import TWIST
@@ -27,16 +27,16 @@ class InAThread(Sitl):
         self._profile = profile
         self._ended = threading.Event()
         self._thread = None
-        self._orders = Orders()
+        self._orders = FaultCommands()
 
     def order(self, line):
-        self._orders.obey(line)
+        self._orders.handle(line)
 
     def start(self, clock, scenario):
         connection = dataclasses.replace(with_camera(self._profile), endpoint=f"tcp/127.0.0.1:{free_port()}")
         robot = Robot(connection=connection, sitl=self._profile.sitl, camera_hz=1.0)  # nobody watches
-        far_end = FarEnd(robot, scenario, clock, self._orders)
-        self._thread = threading.Thread(target=far_end.serve, args=(self._ended,))
+        simulator = Simulator(robot, scenario, clock, self._orders)
+        self._thread = threading.Thread(target=simulator.serve, args=(self._ended,))
         self._thread.start()
         return dataclasses.replace(self._profile, connection=connection)
 
@@ -56,7 +56,7 @@ class TestQuadrupedInOneProcess(PlatformConformance):
     platform_class = InOneProcess
     clock_speed = 2.0
     manual: ClassVar = TWIST
-    says = "adatracker_quadruped.protocol.publisher:Outlet.put"
+    says = "adatracker_quadruped.protocol.publisher:Publisher.put"
 
     @pytest.fixture(scope="class")
     @classmethod

@@ -15,7 +15,7 @@ from adatracker_deploy.core.messages import ZERO, Twist
 from adatracker_quadruped.adapter.transport import Wire
 from adatracker_quadruped.protocol.connection import Tls
 from adatracker_quadruped.protocol.messages import Odometry, decode_twist, encode_odometry
-from adatracker_quadruped.protocol.publisher import Outlet
+from adatracker_quadruped.protocol.publisher import Publisher
 from adatracker_quadruped.protocol.session import open_session
 from tests.quadruped.certificates import issue
 from tests.quadruped.rehearsal import rehearsed
@@ -66,7 +66,7 @@ def test_a_follower_commands_hears_and_sees_whether_the_robot_lives(connection):
         token = robot.liveliness().declare_token(TOKEN)
         commands = latest(robot, "cmd_vel")
         hosts = robot.liveliness().declare_subscriber(connection.host_token, zenoh.handlers.RingChannel(4))
-        odometry = Outlet(robot, "odom", attaches=False)
+        odometry = Publisher(robot, "odom", attaches=False)
         wire = Wire(connection, MonotonicClock())
         try:
             assert wire.lease.owned

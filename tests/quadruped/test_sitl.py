@@ -5,19 +5,19 @@ import sys
 import time
 
 import pytest
-from adatracker_quadruped.platform import QuadrupedPlatform
 
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.core.messages import Twist
 from adatracker_deploy.platform import Scenario
 from adatracker_quadruped.adapter.command_publisher import Commander
-from adatracker_quadruped.adapter.subscriber import Tap
+from adatracker_quadruped.adapter.subscriber import Subscriber
+from adatracker_quadruped.platform import QuadrupedPlatform
 from adatracker_quadruped.protocol.cdr import SMALL_CAP_BYTES
 from adatracker_quadruped.protocol.keys import Keys
 from adatracker_quadruped.protocol.messages import decode_imu, decode_odometry
 from adatracker_quadruped.protocol.session import open_session
-from tests.quadruped.rehearsal import by_hand, connected, far_end, rehearsed, send_for, speed
+from tests.quadruped.rehearsal import by_hand, connected, rehearsed, send_for, simulator, speed
 from tests.quadruped.routers import free_port, until
 
 pytestmark = pytest.mark.slow
@@ -36,7 +36,9 @@ def started(*arguments):
 
 
 def tap(session, profile, topic, decode):
-    return Tap(session, getattr(Keys(profile.connection), topic), decode, MonotonicClock(), SMALL_CAP_BYTES)
+    return Subscriber(
+        session, getattr(Keys(profile.connection), topic), decode, MonotonicClock(), SMALL_CAP_BYTES
+    )
 
 
 @pytest.mark.parametrize(
@@ -76,7 +78,7 @@ def test_a_scene_that_does_not_exist_is_a_wrong_request():
 
 
 def test_a_script_that_knows_no_token_walks_it_too():
-    with far_end() as (_, profile), open_session(profile.connection) as session:
+    with simulator() as (_, profile), open_session(profile.connection) as session:
         odometry = tap(session, profile, "odometry", decode_odometry)
         commander = Commander(session, profile.connection)
         until(lambda: commander.matched)
@@ -90,7 +92,7 @@ def test_a_script_that_knows_no_token_walks_it_too():
 
 
 def test_it_tells_of_itself_at_the_rates_of_its_settings():
-    with far_end() as (_, profile), open_session(profile.connection) as session:
+    with simulator() as (_, profile), open_session(profile.connection) as session:
         taps = {
             "odometry": tap(session, profile, "odometry", decode_odometry),
             "imu": tap(session, profile, "imu", decode_imu),
@@ -106,11 +108,11 @@ def test_it_tells_of_itself_at_the_rates_of_its_settings():
 
 
 def test_it_ends_with_its_lifeline_at_once_when_it_stands_and_after_a_stop_when_it_walks():
-    with far_end() as (sitl, profile):
+    with simulator() as (sitl, profile):
         begin = time.monotonic()
         sitl.close()
         assert time.monotonic() - begin < 1.0
-    with far_end() as (sitl, profile), connected(profile) as platform:
+    with simulator() as (sitl, profile), connected(profile) as platform:
         platform.engage()
         send_for(platform, WALK, 1.0)
         assert speed(platform) > 0.5

@@ -13,11 +13,11 @@ import pytest
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.messages import Twist
 from adatracker_quadruped.adapter.command_publisher import Commander
-from adatracker_quadruped.adapter.subscriber import Tap
+from adatracker_quadruped.adapter.subscriber import Subscriber
 from adatracker_quadruped.protocol.cdr import SMALL_CAP_BYTES
 from adatracker_quadruped.protocol.messages import decode_odometry
 from adatracker_quadruped.protocol.session import open_session
-from tests.quadruped.rehearsal import far_end
+from tests.quadruped.rehearsal import simulator
 from tests.quadruped.routers import until
 
 pytestmark = pytest.mark.slow
@@ -49,7 +49,7 @@ class Onlooker:
     """Hears the robot's odometry beside its host."""
 
     def __init__(self, session):
-        self._tap = Tap(session, "odom", decode_odometry, MonotonicClock(), SMALL_CAP_BYTES)
+        self._tap = Subscriber(session, "odom", decode_odometry, MonotonicClock(), SMALL_CAP_BYTES)
         until(lambda: self._tap.newest is not None)
 
     @property
@@ -80,7 +80,7 @@ class Onlooker:
     ids=["exception", "end without a close", "Ctrl-C", "SIGTERM", "kill -9", "SIGSTOP"],
 )
 def test_a_host_that_ends_in_whatever_way_leaves_a_standing_robot(ending, end, begins_m_s, within_s):
-    with far_end() as (_, profile), open_session(profile.connection) as session:
+    with simulator() as (_, profile), open_session(profile.connection) as session:
         onlooker = Onlooker(session)
         with driver(profile, ending) as process:
             if end is not None:
@@ -101,7 +101,7 @@ def test_a_host_that_ends_in_whatever_way_leaves_a_standing_robot(ending, end, b
 
 
 def test_a_frozen_hosts_backlog_moves_nothing():
-    with far_end() as (_, profile), open_session(profile.connection) as session:
+    with simulator() as (_, profile), open_session(profile.connection) as session:
         onlooker = Onlooker(session)
         with driver(profile, "drive") as process:
             until(lambda: onlooker.speed > 0.9)
@@ -117,7 +117,7 @@ def test_a_frozen_hosts_backlog_moves_nothing():
 
 
 def test_a_thawed_robots_backlog_moves_nothing():
-    with far_end() as (sitl, profile), open_session(profile.connection) as session:
+    with simulator() as (sitl, profile), open_session(profile.connection) as session:
         onlooker, clock = Onlooker(session), MonotonicClock()
         commander = Commander(session, profile.connection)
         until(lambda: commander.matched)

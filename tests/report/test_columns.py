@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from adatracker_deploy.core.messages import Box
-from adatracker_deploy.report.columns import Stretch, columns
+from adatracker_deploy.report.columns import Interval, columns
 from tests.trial.records import REFERENCE, a_step
 
 
@@ -60,7 +60,7 @@ def test_a_skipped_slot_is_noted_at_the_tick_after_it():
 
 def test_a_trial_of_a_single_tick_has_a_length():
     cols = columns([a_step(0)])
-    assert cols.stretches(cols.limited) == [Stretch(0.0, cols.duration_s)]
+    assert cols.stretches(cols.limited) == [Interval(0.0, cols.duration_s)]
     assert cols.duration_s > 0
 
 

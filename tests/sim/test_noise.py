@@ -21,13 +21,13 @@ def person(column: int = 28) -> np.ndarray:
     return mask
 
 
-def spoilt(settings_, masks, seed=0):
+def augmented(settings_, masks, seed=0):
     noise = MaskNoise(settings_, seed)
     return [noise(mask) for mask in masks]
 
 
 def test_without_noise_every_mask_passes_as_it_is():
-    for seen, dropped in spoilt(NOISE["none"], [person(c) for c in range(40)]):
+    for seen, dropped in augmented(NOISE["none"], [person(c) for c in range(40)]):
         assert not dropped
         assert seen.sum() == person().sum()
 
@@ -36,7 +36,7 @@ def test_without_noise_every_mask_passes_as_it_is():
 @given(level=st.sampled_from(sorted(NOISE)), seed=st.integers(0, 1 << 40))
 def test_the_first_mask_is_spared_and_equal_seeds_spoil_equally(level, seed):
     masks = [person(c % 50) for c in range(60)]
-    once, again = (spoilt(NOISE[level], masks, seed) for _ in range(2))
+    once, again = (augmented(NOISE[level], masks, seed) for _ in range(2))
     assert np.array_equal(once[0][0], masks[0])
     for (a, lost_a), (b, lost_b) in zip(once, again, strict=True):
         assert lost_a == lost_b
@@ -49,13 +49,13 @@ def test_the_first_mask_is_spared_and_equal_seeds_spoil_equally(level, seed):
 @pytest.mark.parametrize("mean_drop", [1.0, 1.5, 4.0])
 def test_five_percent_of_the_frames_are_dropped_however_long_the_runs(mean_drop):
     settings_ = NoiseSettings(dropped=0.05, mean_drop=mean_drop)
-    lost = [dropped for _, dropped in spoilt(settings_, [person()] * 5 * STEPS)]
+    lost = [dropped for _, dropped in augmented(settings_, [person()] * 5 * STEPS)]
     assert np.mean(lost) == pytest.approx(0.05, abs=0.01)
 
 
 def test_a_dropped_frame_is_empty_or_the_one_before():
     masks = [person(c % 50) for c in range(STEPS)]
-    seen = spoilt(NoiseSettings(dropped=0.2), masks)
+    seen = augmented(NoiseSettings(dropped=0.2), masks)
     kinds = set()
     for (before, _), (now, dropped), true in zip(seen, seen[1:], masks[1:], strict=False):
         if not dropped:
@@ -67,7 +67,7 @@ def test_a_dropped_frame_is_empty_or_the_one_before():
 
 
 def test_ragged_edges_stay_within_their_reach():
-    for seen, _ in spoilt(NoiseSettings(ragged_px=2), [person()] * 50)[1:]:
+    for seen, _ in augmented(NoiseSettings(ragged_px=2), [person()] * 50)[1:]:
         assert (seen != person()).any()
         outside = seen.copy()
         outside[17:53, 25:39] = 0  # the reach of 2 px, and what a cubic curve overshoots
@@ -77,7 +77,7 @@ def test_ragged_edges_stay_within_their_reach():
 
 def test_false_blobs_come_in_every_class_and_go_again():
     empty = np.zeros((64, 64), np.uint8)
-    seen = [mask for mask, _ in spoilt(NoiseSettings(blobs=0.05), [empty] * STEPS)]
+    seen = [mask for mask, _ in augmented(NoiseSettings(blobs=0.05), [empty] * STEPS)]
     assert {int(v) for mask in seen for v in np.unique(mask)} == {0, 1, 2, 3}
     assert 0.1 < np.mean([mask.any() for mask in seen]) < 0.5
     assert not empty.any()
@@ -87,17 +87,17 @@ def test_a_blackout_hides_the_target_alone_for_a_second_or_more():
     mask = person()
     mask[:10, :10] = MaskClass.OBSTACLE
     settings_ = NoiseSettings(blackouts=0.02, blackout=(10, 25))
-    hidden = [not (seen == MaskClass.TARGET).any() for seen, _ in spoilt(settings_, [mask] * STEPS)]
+    hidden = [not (seen == MaskClass.TARGET).any() for seen, _ in augmented(settings_, [mask] * STEPS)]
     runs = [len(run) for run in "".join("x" if h else " " for h in hidden).split()]
     assert runs
     assert min(runs) >= 10
-    assert all((seen == MaskClass.OBSTACLE).any() for seen, _ in spoilt(settings_, [mask] * 100))
+    assert all((seen == MaskClass.OBSTACLE).any() for seen, _ in augmented(settings_, [mask] * 100))
 
 
 @pytest.mark.parametrize("steps", [1, 3])
 def test_latency_shows_the_mask_of_so_many_steps_before(steps):
     masks = [person(c) for c in range(20)]
     late = dataclasses.replace(NOISE["none"], latency=(steps, steps))
-    seen = [mask for mask, _ in spoilt(late, masks)]
+    seen = [mask for mask, _ in augmented(late, masks)]
     for t in range(steps, 20):
         assert np.array_equal(seen[t], masks[t - steps])

@@ -170,9 +170,9 @@ def test_a_robot_that_drives_on_through_or_after_silence_fails(mutant):
             promise(sitl, platform)
 
 
-def test_a_far_end_that_cannot_be_silent_is_told_what_to_do(monkeypatch):
+def test_a_simulator_that_cannot_be_silent_is_told_what_to_do(monkeypatch):
     monkeypatch.setattr(FakeFarEnd, "faults", ())
-    with pytest.raises(AssertionError, match="let the far end obey robot_silent"):
+    with pytest.raises(AssertionError, match="let the simulator obey robot_silent"):
         suite.test_a_robot_that_fell_silent_and_is_heard_again_stays_stopped(
             FakePlatform.sitl(PROFILE), engaged(FakePlatform)
         )

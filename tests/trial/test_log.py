@@ -21,7 +21,7 @@ import pytest
 import yaml
 
 from adatracker_deploy.core.errors import UsageError
-from adatracker_deploy.trial.handover import SLOT_BYTES, SLOTS
+from adatracker_deploy.trial.ipc import SLOT_BYTES, SLOTS
 from adatracker_deploy.trial.reader import read_trial
 from tests.trial.records import START_NS, TICK_NS, a_frame, a_log, a_step, a_trial, an_observation
 

@@ -23,7 +23,7 @@ from hypothesis import strategies as st
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.runtime.pacer import Pacer
 from adatracker_deploy.trial import writer
-from adatracker_deploy.trial.handover import LogLine, Start, Step
+from adatracker_deploy.trial.ipc import LogLine, Start, Step
 from adatracker_deploy.trial.reader import read_trial
 from adatracker_deploy.trial.salvage import salvage
 from tests.trial.records import a_frame, a_log, a_step, an_observation

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from adatracker_deploy.core.messages import MaskClass
-from adatracker_deploy.trial.privacy import LASTS_S, Veil
+from adatracker_deploy.trial.privacy import LASTS_S, Anonymiser
 from adatracker_deploy.trial.reader import read_trial
 from tests.trial.records import a_frame, a_log, a_step, an_observation
 
@@ -41,7 +41,7 @@ def changed(before, after):
 
 
 def test_persons_are_blurred_with_a_margin_and_the_target_is_not():
-    shown = Veil().cover(NOISE, mask_of(person=LEFT, target=RIGHT), 0)
+    shown = Anonymiser().cover(NOISE, mask_of(person=LEFT, target=RIGHT), 0)
     covered = changed(NOISE, shown)
     assert covered[LEFT].mean() > 0.97
     assert covered[9, 15]
@@ -50,13 +50,13 @@ def test_persons_are_blurred_with_a_margin_and_the_target_is_not():
 
 
 def test_what_is_left_of_a_person_is_a_few_cells():
-    shown = Veil().cover(NOISE, mask_of(person=np.s_[:, :]), 0)
+    shown = Anonymiser().cover(NOISE, mask_of(person=np.s_[:, :]), 0)
     assert np.abs(np.diff(shown.astype(int), axis=1)).max() < 40
     assert np.abs(np.diff(NOISE.astype(int), axis=1)).max() == 255
 
 
 def test_a_person_whom_the_detector_misses_for_a_moment_stays_covered():
-    veil = Veil()
+    veil = Anonymiser()
     veil.cover(NOISE, mask_of(person=LEFT), 0)
     missed = veil.cover(NOISE, mask_of(), round(LASTS_S * SECOND_NS) - 1)
     assert changed(NOISE, missed)[LEFT].mean() > 0.97
@@ -64,13 +64,13 @@ def test_a_person_whom_the_detector_misses_for_a_moment_stays_covered():
 
 
 def test_a_target_who_walks_where_somebody_was_is_seen():
-    veil = Veil()
+    veil = Anonymiser()
     veil.cover(NOISE, mask_of(person=LEFT), 0)
     assert not changed(NOISE, veil.cover(NOISE, mask_of(target=LEFT), SECOND_NS // 2))[LEFT].any()
 
 
 def test_a_lost_target_is_a_person_like_any_other():
-    assert changed(NOISE, Veil().cover(NOISE, mask_of(person=LEFT), 0))[LEFT].mean() > 0.97
+    assert changed(NOISE, Anonymiser().cover(NOISE, mask_of(person=LEFT), 0))[LEFT].mean() > 0.97
 
 
 @given(
@@ -80,7 +80,7 @@ def test_pictures_and_masks_of_any_size_are_covered(height, width, rows, columns
     rng = np.random.default_rng(seed)
     rgb = rng.integers(0, 256, (height, width, 3), np.uint8)
     before = rgb.copy()
-    shown = Veil().cover(rgb, rng.integers(0, 4, (rows, columns), np.uint8), 7)
+    shown = Anonymiser().cover(rgb, rng.integers(0, 4, (rows, columns), np.uint8), 7)
     assert shown.shape == rgb.shape
     assert shown.dtype == np.uint8
     assert np.array_equal(rgb, before)

@@ -9,7 +9,7 @@ import threading
 import pytest
 
 from adatracker_deploy.trial import writer
-from adatracker_deploy.trial.handover import LogLine, PictureSlots, Post, Ready, Start
+from adatracker_deploy.trial.ipc import LogLine, PictureSlots, Post, Ready, Start
 
 METADATA = {"trial": {"step_format": "1"}, "config": {"yaml": "{}"}}
 

@@ -79,7 +79,7 @@ def test_each_command_also_asks_for_control_and_the_last_one_gives_it_up():
     assert CODEC.parse_command(CODEC.disable()[0]) == Demand(disable=True)
 
 
-def test_what_the_far_end_says_is_what_is_heard():
+def test_what_the_simulator_says_is_what_is_heard():
     reading = Reading(status=BaseStatus(mode="ours", volts=24.0), motion=Twist(vx=0.5, yaw_rate=-0.1))
     (state,) = CODEC.status_frames(reading, count=300)
     (motion,) = CODEC.feedback_frames(reading)

@@ -159,7 +159,7 @@ statuses = st.builds(
 @pytest.mark.parametrize("codec", [SCOUT, HUNTER, codec_of("tracer")])
 @settings(deadline=None)
 @given(status=statuses, count=st.integers(0, 1000))
-def test_what_the_far_end_says_of_its_condition_is_what_is_heard(codec, status, count):
+def test_what_the_simulator_says_of_its_condition_is_what_is_heard(codec, status, count):
     (sent,) = codec.status_frames(Reading(status=status), count)
     heard = codec.parse(sent).status
     assert (heard.mode, heard.emergency_stop, heard.fault) == (
@@ -171,12 +171,12 @@ def test_what_the_far_end_says_of_its_condition_is_what_is_heard(codec, status, 
     assert heard.count == count % 256
 
 
-def test_the_far_end_wraps_its_counters_around():
+def test_the_simulator_wraps_its_counters_around():
     (_, odometry) = SCOUT.feedback_frames(Reading(motion=Twist(), wheels_m=(2147483.648, -1.0)))
     assert odometry == CanFrame(0x311, struct.pack(">ii", -(2**31), -1000))
 
 
-def test_the_far_end_reads_each_request():
+def test_the_simulator_reads_each_request():
     assert HUNTER.parse_command(frame(0x421, [1])) == Demand(enable=True)
     assert HUNTER.parse_command(frame(0x421, [0])) == Demand(disable=True)
     assert HUNTER.parse_command(frame(0x131, [0])) == Demand(release_brake=True)

@@ -252,7 +252,7 @@ def test_a_device_that_fails_when_it_is_released_harms_nobody(driver):
     assert driver.closed == 1
 
 
-# A far end that goes
+# A simulator that goes
 
 
 def test_a_socketcand_that_closes_loses_the_bus_at_once_without_spinning():

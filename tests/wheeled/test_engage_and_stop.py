@@ -21,8 +21,8 @@ MOMENTS_MS = (0, 1, 5, 20, 60, 110, 130, 150, 170, 200, 260)
 @pytest.mark.parametrize("delay_ms", MOMENTS_MS)
 @pytest.mark.parametrize("stop", STOPS)
 def test_a_stop_at_any_moment_of_an_engagement_is_the_last_word(stop, delay_ms, monkeypatch):
-    with tapped() as (platform, far_end, tap):
-        begun, consent = threading.Event(), platform._helm.give_consent
+    with tapped() as (platform, simulator, tap):
+        begun, consent = threading.Event(), platform._authority.give_consent
 
         def give_consent(withdrawals):
             begun.set()
@@ -33,7 +33,7 @@ def test_a_stop_at_any_moment_of_an_engagement_is_the_last_word(stop, delay_ms, 
             platform.clock.sleep_until(platform.clock.now_ns() + delay_ms * 1_000_000)
             STOPS[stop](platform)
 
-        monkeypatch.setattr(platform._helm, "give_consent", give_consent)
+        monkeypatch.setattr(platform._authority, "give_consent", give_consent)
         stopping = threading.Thread(target=stop_later)
         stopping.start()
         try:
@@ -43,7 +43,7 @@ def test_a_stop_at_any_moment_of_an_engagement_is_the_last_word(stop, delay_ms, 
         stopping.join()
         assert not platform.state().engaged
         if stop != "hold":
-            until(lambda: far_end.far_end.base.mode == "standby")
+            until(lambda: simulator.simulator.base.mode == "standby")
         with pytest.raises(PlatformError):
             platform.send(AHEAD, platform.clock.now_ns())
         assert {data for number, data in tap.commands() if number == STILL[0]} <= {STILL[1]}
@@ -51,7 +51,7 @@ def test_a_stop_at_any_moment_of_an_engagement_is_the_last_word(stop, delay_ms, 
 
 @pytest.mark.parametrize("stop", STOPS)
 def test_a_stop_that_comes_before_the_engagement_had_its_turn_is_newer_than_it(stop):
-    with tapped() as (platform, far_end, tap):
+    with tapped() as (platform, simulator, tap):
         errors = []
 
         def engage():
@@ -65,12 +65,12 @@ def test_a_stop_that_comes_before_the_engagement_had_its_turn_is_newer_than_it(s
             until(engaging.is_alive)
             stopping = threading.Thread(target=STOPS[stop], args=(platform,))
             stopping.start()
-            until(lambda: platform._helm.withdrawals)
+            until(lambda: platform._authority.withdrawals)
         for thread in (engaging, stopping):
             thread.join()
         assert len(errors) == 1
         assert not platform.state().engaged
-        assert far_end.far_end.base.mode == "standby"
+        assert simulator.simulator.base.mode == "standby"
         assert COMMAND_MODE not in tap.commands()
 
 
@@ -81,7 +81,7 @@ def clock():
 
 
 def test_after_a_suspend_no_repeated_command_leaves_and_a_stop_has_latched(clock):
-    with tapped(clock=clock) as (platform, far_end, tap):
+    with tapped(clock=clock) as (platform, simulator, tap):
         platform.engage()
         send_for(platform, AHEAD, 0.5)
         tap.frames()
@@ -93,7 +93,9 @@ def test_after_a_suspend_no_repeated_command_leaves_and_a_stop_has_latched(clock
         for command in (AHEAD, ZERO):
             with pytest.raises(PlatformError, match="suspended for 3"):
                 platform.send(command, clock.now_ns())
-        assert far_end.far_end.base.mode == "ours"  # it is still this side's, which disables it in the end
+        assert (
+            simulator.simulator.base.mode == "ours"
+        )  # it is still this side's, which disables it in the end
         platform.disengage()
         platform.engage()
         send_for(platform, AHEAD, 0.3)

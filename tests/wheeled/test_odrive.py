@@ -80,7 +80,7 @@ def test_the_base_is_what_the_worse_axis_says():
 
 @settings(deadline=None)
 @given(vx=speeds, yaw_rate=speeds)
-def test_the_far_end_hears_the_velocity_that_was_really_sent(vx, yaw_rate):
+def test_the_simulator_hears_the_velocity_that_was_really_sent(vx, yaw_rate):
     codec = codec_of("odrive_diff")
     said, (left, right) = codec.command(Twist(vx=vx, yaw_rate=yaw_rate))
     assert codec.parse_command(left).twist is None
@@ -89,7 +89,7 @@ def test_the_far_end_hears_the_velocity_that_was_really_sent(vx, yaw_rate):
     assert said.yaw_rate == pytest.approx(yaw_rate, abs=1e-6)
 
 
-def test_the_far_end_is_enabled_when_each_axis_is():
+def test_the_simulator_is_enabled_when_each_axis_is():
     codec = codec_of("odrive_diff")
     asked = [codec.parse_command(sent).enable for sent in codec.enable()]
     assert asked == [False, False, False, True]

@@ -8,7 +8,6 @@ import sys
 import threading
 
 import pytest
-from adatracker_wheeled.platform import WheeledPlatform
 from wheeled_rig import (
     COMMAND_MODE,
     STANDBY,
@@ -27,7 +26,8 @@ from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.messages import Twist
 from adatracker_deploy.platform import Scenario
 from adatracker_deploy.runtime.charge import ChargeMark
-from adatracker_wheeled.sim.simulator import FarEnd
+from adatracker_wheeled.platform import WheeledPlatform
+from adatracker_wheeled.sim.simulator import Simulator
 from adatracker_wheeled.sim.socketcand import SocketcandServer
 from tests.other_machine import OfAnotherMachine
 from tests.race import owners, race
@@ -90,9 +90,9 @@ def test_somebody_elses_command_takes_the_base_over_for_good(frame):
 
 
 def test_the_simulated_rival_is_noticed_too():
-    with drive() as (platform, far_end):
+    with drive() as (platform, simulator):
         platform.engage()
-        far_end.order("begin foreign_commands")
+        simulator.order("begin foreign_commands")
         until(lambda: platform.state().stopped, within_s=0.5)
         assert COMMANDS in platform.state().stopped
         assert platform.state().taken_over
@@ -130,21 +130,21 @@ def test_somebody_who_begins_to_command_while_this_side_engages_gets_the_base():
 
 
 def test_a_base_that_somebody_else_has_enabled_is_refused_with_what_to_do():
-    with tapped() as (platform, far_end, tap):
+    with tapped() as (platform, simulator, tap):
         tap.send(*COMMAND_MODE)
         until(lambda: "switching it off and on" in control(platform).message)  # once its time-out has passed
         tap.frames()
         with pytest.raises(PlatformError, match="switching it off and on"):
             platform.engage()
         assert tap.commands() == []
-        assert far_end.far_end.base.mode == "ours"
+        assert simulator.simulator.base.mode == "ours"
 
 
 def test_a_base_that_this_side_holds_is_engaged_again():
-    with drive() as (platform, far_end):
+    with drive() as (platform, simulator):
         platform.engage()
         platform.hold("a pause")
-        assert far_end.far_end.base.mode == "ours"
+        assert simulator.simulator.base.mode == "ours"
         assert refused(platform) == {}
         platform.engage()
         assert platform.state().engaged
@@ -193,9 +193,9 @@ def test_a_base_that_a_living_process_has_enabled_is_not_taken_back():
 
 def test_a_base_that_was_taken_over_leaves_no_mark():
     profile = base_profile()
-    with tapped(profile) as (platform, far_end, _):
+    with tapped(profile) as (platform, simulator, _):
         platform.engage()
-        far_end.inject("remote")
+        simulator.inject("remote")
         until(lambda: platform.state().stopped)
         assert ChargeMark(profile.connection.robot).left_by() is None
 
@@ -279,9 +279,9 @@ def test_of_two_on_one_bus_without_a_machine_in_common_never_both_drive(monkeypa
 @pytest.mark.slow
 def test_of_two_that_start_at_once_exactly_one_has_the_base(measured):
     profile, clock = base_profile(), MonotonicClock()
-    far_end, ended = FarEnd(profile.connection.roles, profile.sitl, Scenario(), clock), threading.Event()
-    server = SocketcandServer(0, far_end.hear)
-    serving = threading.Thread(target=far_end.serve, args=(server.send, ended))
+    simulator, ended = Simulator(profile.connection.roles, profile.sitl, Scenario(), clock), threading.Event()
+    server = SocketcandServer(0, simulator.hear)
+    serving = threading.Thread(target=simulator.serve, args=(server.send, ended))
     serving.start()
     try:
         results = race("wheeled", {"interface": "socketcand", "port": server.port})

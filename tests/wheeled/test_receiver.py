@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from wheeled_rig import base_profile
 
 from adatracker_deploy.core.messages import Twist
-from adatracker_wheeled.adapter.receiver import Ear, Heard, trouble
+from adatracker_wheeled.adapter.receiver import BaseTelemetry, Receiver, trouble
 from adatracker_wheeled.protocol.codec import Codec
 from adatracker_wheeled.protocol.frames import BaseStatus, CanFrame, Reading
 
@@ -20,7 +20,7 @@ NOW_NS = 10_000_000_000
 
 
 def heard(**changes):
-    fresh = Heard(status=GOOD, status_t_ns=NOW_NS, motion=Twist(), motion_t_ns=NOW_NS)
+    fresh = BaseTelemetry(status=GOOD, status_t_ns=NOW_NS, motion=Twist(), motion_t_ns=NOW_NS)
     return dataclasses.replace(fresh, **changes)
 
 
@@ -68,7 +68,7 @@ def test_words_that_are_too_old_end_driving_in_machine_time(field, timeout_s, re
 
 
 def test_a_base_that_has_said_nothing_is_not_driven():
-    assert "no new state" in judged(Heard()).reason
+    assert "no new state" in judged(BaseTelemetry()).reason
 
 
 @given(st.builds(BaseStatus, mode=st.sampled_from(["standby", "remote", "unknown"])), st.booleans())
@@ -80,7 +80,7 @@ def test_no_mode_but_ours_is_ever_driven_on(status, pressed):
 
 
 def ear():
-    return Ear(CODEC, ROLES)
+    return Receiver(CODEC, ROLES)
 
 
 def hear(ear, frames, now_ns=NOW_NS):
@@ -111,7 +111,7 @@ def test_the_pose_starts_where_the_base_was_first_heard_and_follows_its_wheels()
 
 
 def test_a_pause_is_as_long_as_the_machine_takes_it_to_be_at_any_clock_speed():
-    one = Ear(CODEC, ROLES, speed=5.0)
+    one = Receiver(CODEC, ROLES, speed=5.0)
     for now_ns, rolled_m in ((NOW_NS, 0.0), (NOW_NS + 2_000_000_000, 3.0)):  # 0.4 s of the machine's
         hear(one, CODEC.feedback_frames(Reading(motion=Twist(), wheels_m=(rolled_m, rolled_m))), now_ns)
     assert one.heard.pose.x == pytest.approx(3.0)
@@ -125,7 +125,7 @@ def test_after_a_lost_bus_nothing_counts_but_the_pose():
         hear(one, CODEC.feedback_frames(wheels), NOW_NS + tick * 100_000_000)
     pose = one.heard.pose
     one.forget()
-    assert one.heard == Heard(pose=pose)
+    assert one.heard == BaseTelemetry(pose=pose)
     assert pose.x == pytest.approx(0.1)
 
 

@@ -15,11 +15,11 @@ def silent_battery():
     timing = dataclasses.replace(profile.connection.roles.timing, battery_period_s=0.1)
     roles = dataclasses.replace(profile.connection.roles, timing=timing)
     profile = dataclasses.replace(profile, connection=dataclasses.replace(profile.connection, roles=roles))
-    with drive(profile) as (platform, far_end):
+    with drive(profile) as (platform, simulator):
         until(lambda: platform.state().battery is not None)
 
         def hush():
-            far_end.far_end.base._battery.due = lambda *_, **__: ()
+            simulator.simulator.base._battery.due = lambda *_, **__: ()
 
         yield platform, hush
 

@@ -25,18 +25,18 @@ def frame(seq):
 
 @pytest.fixture
 def served():
-    """Give the camera's far end and what a tracker reads it with."""
-    with contextlib.closing(FailingCamera(0, lambda: None)) as far_end:
-        far_end.publish(frame(1))
-        with contextlib.closing(MjpegCamera(far_end.url, CLOCK)) as camera:
+    """Give the camera's simulator and what a tracker reads it with."""
+    with contextlib.closing(FailingCamera(0, lambda: None)) as simulator:
+        simulator.publish(frame(1))
+        with contextlib.closing(MjpegCamera(simulator.url, CLOCK)) as camera:
             camera.open()
-            yield far_end, camera
+            yield simulator, camera
 
 
-def publish_until(far_end, seqs, condition):
+def publish_until(simulator, seqs, condition):
     """Publish again and again, as a film does, until the condition holds."""
     for seq in seqs:
-        far_end.publish(frame(seq))
+        simulator.publish(frame(seq))
         if found := condition():
             return found
     return pytest.fail("it never came")
@@ -53,9 +53,9 @@ def shades(camera):
 
 
 def test_a_frozen_camera_shows_nothing_new_until_it_is_silent_for_good(served):
-    far_end, camera = served
+    simulator, camera = served
     before = shades(camera)
-    far_end.suffer(frozenset({"camera_freeze"}))
+    simulator.apply_faults(frozenset({"camera_freeze"}))
 
     def silent():
         try:
@@ -66,28 +66,28 @@ def test_a_frozen_camera_shows_nothing_new_until_it_is_silent_for_good(served):
 
     numbers = iter(range(2, 10_000_000))
     assert f"no picture has come for {SILENT_AFTER_S:.0f}" in publish_until(
-        far_end, (min(next(numbers), 200) for _ in iter(int, 1)), silent
+        simulator, (min(next(numbers), 200) for _ in iter(int, 1)), silent
     )
 
 
 def test_a_camera_that_thaws_shows_what_there_is_now(served):
-    far_end, camera = served
-    far_end.suffer(frozenset({"camera_freeze"}))
-    far_end.publish(frame(100))
-    far_end.suffer(frozenset())
-    publish_until(far_end, iter(lambda: 200, 0), lambda: shades(camera)[0] > 190)
+    simulator, camera = served
+    simulator.apply_faults(frozenset({"camera_freeze"}))
+    simulator.publish(frame(100))
+    simulator.apply_faults(frozenset())
+    publish_until(simulator, iter(lambda: 200, 0), lambda: shades(camera)[0] > 190)
 
 
 def test_a_camera_that_goes_ends_the_stream_and_comes_back_at_the_same_address(served):
-    far_end, camera = served
-    url = far_end.url
-    far_end.suffer(frozenset({"camera_gone"}))
-    far_end.publish(frame(2))  # to nobody
+    simulator, camera = served
+    url = simulator.url
+    simulator.apply_faults(frozenset({"camera_gone"}))
+    simulator.publish(frame(2))  # to nobody
     with pytest.raises(PlatformError, match="the stream has ended"):
         read_for_ever(camera)
-    far_end.suffer(frozenset())
-    assert far_end.url == url
-    far_end.publish(frame(3))
+    simulator.apply_faults(frozenset())
+    assert simulator.url == url
+    simulator.publish(frame(3))
     with contextlib.closing(MjpegCamera(url, CLOCK)) as again:
         again.open()
         assert again.read(CLOCK.now_ns()).truth is not None

@@ -1,4 +1,4 @@
-"""The simulated far end's socketcand: python-can's own client talks to it; rubbish and floods do no harm."""
+"""The simulator's socketcand: python-can's own client talks to it; rubbish and floods do no harm."""
 
 import contextlib
 import socket

@@ -10,7 +10,6 @@ import time
 
 import can
 import pytest
-from adatracker_wheeled.platform import WheeledPlatform
 from wheeled_rig import (
     STANDBY,
     STILL,
@@ -26,8 +25,9 @@ from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import PlatformError, UsageError
 from adatracker_deploy.core.messages import Twist
 from adatracker_deploy.platform import Scenario
+from adatracker_wheeled.platform import WheeledPlatform
 from adatracker_wheeled.sim.fuzz import frames
-from adatracker_wheeled.sim.simulator import FarEnd
+from adatracker_wheeled.sim.simulator import Simulator
 from adatracker_wheeled.sim.socketcand import SocketcandServer
 
 AHEAD = Twist(vx=0.5)
@@ -45,10 +45,10 @@ def keep_sending(platform, within_s=3.0):
 
 
 def test_a_remote_control_has_the_base_for_good():
-    with tapped() as (platform, far_end, tap):
+    with tapped() as (platform, simulator, tap):
         platform.engage()
         send_for(platform, AHEAD, 0.5)
-        far_end.inject("remote")
+        simulator.inject("remote")
         took_s = until(lambda: platform.state().stopped)
         print(f"takeover noticed after {took_s * 1e3:.0f} ms")
         assert took_s < 0.2
@@ -62,7 +62,7 @@ def test_a_remote_control_has_the_base_for_good():
         with pytest.raises(PlatformError, match="remote control"):
             platform.engage()
         platform.disengage()
-        far_end.inject("remote", begin=False)
+        simulator.inject("remote", begin=False)
         until(lambda: platform.state().mode == "standby")
         platform.hold("still not ours")
         assert tap.commands() == []
@@ -74,10 +74,10 @@ def test_a_remote_control_has_the_base_for_good():
 
 
 def test_closing_leaves_a_base_alone_that_was_taken_over():
-    with tapped() as (platform, far_end, tap):
+    with tapped() as (platform, simulator, tap):
         platform.engage()
         send_for(platform, AHEAD, 0.3)
-        far_end.inject("remote")
+        simulator.inject("remote")
         until(lambda: platform.state().stopped)
         tap.frames()
         platform.close()
@@ -112,32 +112,32 @@ FAILURES = {
 @pytest.mark.parametrize("fault", FAILURES)
 def test_a_failing_base_is_stopped_and_stays_so_until_an_explicit_engage(fault):
     said, within_s = FAILURES[fault]
-    with tapped() as (platform, far_end, tap):
+    with tapped() as (platform, simulator, tap):
         platform.engage()
         send_for(platform, AHEAD, 0.5)
-        far_end.inject(fault)
+        simulator.inject(fault)
         why, took_s = keep_sending(platform)
         print(f"{fault}: stopped after {took_s * 1e3:.0f} ms")
         assert said in why
         assert said in platform.state().stopped
         assert took_s < within_s
         assert tap.commands_until_quiet()[-3:] == [STILL] * 3
-        until(lambda: abs(far_end.far_end.body.measured.vx) < 0.02)
-        far_end.inject(fault, begin=False)
+        until(lambda: abs(simulator.simulator.body.measured.vx) < 0.02)
+        simulator.inject(fault, begin=False)
         platform.clock.sleep_until(platform.clock.now_ns() + 300_000_000)
         with pytest.raises(PlatformError, match=said):
             platform.send(AHEAD, platform.clock.now_ns())
         assert tap.commands() == []
         platform.engage()
         send_for(platform, AHEAD, 0.5)
-        assert far_end.far_end.body.measured.vx > 0.2
+        assert simulator.simulator.body.measured.vx > 0.2
 
 
 @pytest.mark.parametrize("fault", FAILURES)
 def test_a_failure_is_noticed_also_while_nobody_sends(fault):
-    with drive() as (platform, far_end):
+    with drive() as (platform, simulator):
         platform.engage()
-        far_end.inject(fault)
+        simulator.inject(fault)
         until(lambda: platform.state().stopped, within_s=1.5)
         assert not platform.state().engaged
 
@@ -168,8 +168,8 @@ def test_the_preflight_refuses_an_unfit_base_and_names_what_is_wrong(fault, chec
     ],
 )
 def test_an_unfit_base_is_not_engaged(fault, said):
-    with tapped() as (platform, far_end, tap):
-        far_end.inject(fault)
+    with tapped() as (platform, simulator, tap):
+        simulator.inject(fault)
         platform.clock.sleep_until(platform.clock.now_ns() + 250_000_000)
         begun_s = time.monotonic()
         with pytest.raises(PlatformError, match=said):
@@ -227,7 +227,7 @@ def test_a_connect_that_is_interrupted_leaves_no_thread_on_the_bus():
 
 
 def test_a_sender_that_hangs_is_followed_by_zeros_then_silence_and_not_set_going_again():
-    with tapped() as (platform, far_end, tap):
+    with tapped() as (platform, simulator, tap):
         platform.engage()
         send_for(platform, AHEAD, 1.0)
         hung_s = time.monotonic()
@@ -236,7 +236,7 @@ def test_a_sender_that_hangs_is_followed_by_zeros_then_silence_and_not_set_going
         assert said[-3:] == [STILL] * 3
         print(f"a hung sender: zeros, then silence after {silent_s:.2f} s")
         assert silent_s < 0.4
-        until(lambda: far_end.far_end.body.measured.vx < 0.02)
+        until(lambda: simulator.simulator.body.measured.vx < 0.02)
         print(f"a hung sender: at rest after {time.monotonic() - hung_s:.2f} s")
         platform.clock.sleep_until(platform.clock.now_ns() + 300_000_000)
         tap.frames()
@@ -278,12 +278,12 @@ def test_stops_from_many_threads_end_in_one_stop():
 
 
 class OverSocketcand:
-    """A far end behind a socketcand in this process, which can be switched off and on."""
+    """A simulator behind a socketcand in this process, which can be switched off and on."""
 
     def __init__(self, profile, clock):
-        self._far_end = FarEnd(profile.connection.roles, profile.sitl, Scenario(), clock)
+        self._simulator = Simulator(profile.connection.roles, profile.sitl, Scenario(), clock)
         self._ended = threading.Event()
-        self.server = SocketcandServer(0, self._far_end.hear)
+        self.server = SocketcandServer(0, self._simulator.hear)
         self.port = self.server.port
         self.profile = dataclasses.replace(
             profile,
@@ -291,12 +291,12 @@ class OverSocketcand:
                 profile.connection, interface="socketcand", channel="can0", port=self.port
             ),
         )
-        self._thread = threading.Thread(target=self._far_end.serve, args=(self._send, self._ended))
+        self._thread = threading.Thread(target=self._simulator.serve, args=(self._send, self._ended))
         self._thread.start()
 
     @property
     def body(self):
-        return self._far_end.body
+        return self._simulator.body
 
     def _send(self, frame):
         self.server.send(frame)
@@ -305,7 +305,7 @@ class OverSocketcand:
         self.server.close()
 
     def plug_in(self):
-        self.server = SocketcandServer(self.port, self._far_end.hear)
+        self.server = SocketcandServer(self.port, self._simulator.hear)
 
     def close(self):
         self._ended.set()
@@ -316,42 +316,42 @@ class OverSocketcand:
 def test_a_cable_that_is_pulled_stops_the_run_and_replugged_needs_an_explicit_engage():
     clock = MonotonicClock()
     with (
-        contextlib.closing(OverSocketcand(base_profile(), clock)) as far_end,
-        WheeledPlatform(far_end.profile, clock) as platform,
+        contextlib.closing(OverSocketcand(base_profile(), clock)) as simulator,
+        WheeledPlatform(simulator.profile, clock) as platform,
     ):
         platform.connect()
         platform.engage()
         send_for(platform, AHEAD, 1.0)
-        far_end.unplug()
+        simulator.unplug()
         why, took_s = keep_sending(platform)
-        rest_s = took_s + until(lambda: far_end.body.measured.vx < 0.02)
+        rest_s = took_s + until(lambda: simulator.body.measured.vx < 0.02)
         print(f"cable pulled at 0.5 m/s: latched after {took_s * 1e3:.0f} ms, at rest after {rest_s:.2f} s")
         assert "lost" in why
         assert took_s < 0.2
         assert rest_s < 1.1
         with pytest.raises(PlatformError, match="no socketcand answers"):
             platform.engage()
-        far_end.plug_in()
+        simulator.plug_in()
         platform.clock.sleep_until(platform.clock.now_ns() + 300_000_000)
         with pytest.raises(PlatformError, match="not engaged"):
             platform.send(AHEAD, clock.now_ns())
-        assert far_end.body.measured.vx < 0.02
+        assert simulator.body.measured.vx < 0.02
         platform.engage()
         send_for(platform, AHEAD, 0.5)
-        assert far_end.body.measured.vx > 0.2
+        assert simulator.body.measured.vx > 0.2
         platform.disengage()
 
 
 def test_a_lost_bus_makes_disengage_say_so_once_and_close_still_works():
     clock = MonotonicClock()
     with (
-        contextlib.closing(OverSocketcand(base_profile(), clock)) as far_end,
-        WheeledPlatform(far_end.profile, clock) as platform,
+        contextlib.closing(OverSocketcand(base_profile(), clock)) as simulator,
+        WheeledPlatform(simulator.profile, clock) as platform,
     ):
         platform.connect()
         platform.engage()
         send_for(platform, AHEAD, 0.3)
-        far_end.unplug()
+        simulator.unplug()
         until(lambda: platform.state().stopped)
         with pytest.raises(PlatformError, match="is lost"):
             platform.disengage()
@@ -364,7 +364,7 @@ def test_a_lost_bus_makes_disengage_say_so_once_and_close_still_works():
 @pytest.mark.parametrize("name", ["scout", "odrive_diff"])
 def test_a_hundred_thousand_hostile_frames_move_nothing_and_fill_nothing(name):
     profile, noise = base_profile(name), random.Random(3)
-    with tapped(profile) as (platform, far_end, tap):
+    with tapped(profile) as (platform, simulator, tap):
         known = [message.arbitration_id for message in until_heard(tap)]
         before_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         for count, frame in enumerate(itertools.islice(frames(known, noise), 100_000)):
@@ -376,7 +376,7 @@ def test_a_hundred_thousand_hostile_frames_move_nothing_and_fill_nothing(name):
                 until(lambda asked_ns=asked_ns: platform.state().t_ns > asked_ns)
                 assert tap.commands() == []
         assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before_kb < 20_000
-        assert far_end.far_end.body.wheels_m == (0.0, 0.0)
+        assert simulator.simulator.body.wheels_m == (0.0, 0.0)
         assert not platform.state().engaged
         (check,) = [check for check in platform.preflight() if check.name == "frames"]
         assert "malformed frames were dropped" in check.message

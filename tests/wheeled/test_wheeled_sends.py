@@ -66,29 +66,29 @@ def crowded(monkeypatch):
 
 
 def test_a_disable_that_finds_the_queue_full_is_asked_for_again(crowded):
-    with drive() as (platform, far_end):
+    with drive() as (platform, simulator):
         platform.engage()
         crowded.refusals[STANDBY[0]] = 2
         platform.disengage()
         assert crowded.refusals[STANDBY[0]] == 0
-        until(lambda: far_end.far_end.base.mode == "standby")
+        until(lambda: simulator.simulator.base.mode == "standby")
 
 
 def test_a_base_that_could_not_be_disabled_is_disabled_at_the_close(crowded):
     second_axis = 1 << 5 | 0x07  # the first one's request goes out each time, so that the bus is not lost
-    with drive(base_profile("odrive_diff")) as (platform, far_end):
+    with drive(base_profile("odrive_diff")) as (platform, simulator):
         platform.engage()
         crowded.refusals[second_axis] = 1000
         with pytest.raises(PlatformError, match="took no request to disable"):
             platform.disengage()
-        assert far_end.far_end.base.mode == "ours"
+        assert simulator.simulator.base.mode == "ours"
         crowded.refusals.clear()
         platform.close()
-        until(lambda: far_end.far_end.base.mode == "standby")
+        until(lambda: simulator.simulator.base.mode == "standby")
 
 
 def test_holding_says_zero_three_times_20_ms_apart_and_keeps_the_base_enabled():
-    with tapped() as (platform, far_end, tap):
+    with tapped() as (platform, simulator, tap):
         platform.engage()
         send_for(platform, AHEAD, 0.3)
         tap.commands()
@@ -98,11 +98,11 @@ def test_holding_says_zero_three_times_20_ms_apart_and_keeps_the_base_enabled():
         first, second, third = (frame.timestamp for frame in frames[-3:])
         assert second - first > 0.015
         assert third - second > 0.015
-        assert far_end.far_end.base.mode == "ours"
+        assert simulator.simulator.base.mode == "ours"
 
 
 def test_a_hunters_brake_is_released_after_it_is_enabled_and_it_drives_a_curve():
-    with tapped(base_profile("hunter")) as (platform, far_end, tap):
+    with tapped(base_profile("hunter")) as (platform, simulator, tap):
         platform.engage()
         said = tap.commands()
         assert said.index(COMMAND_MODE) < said.index(BRAKE_RELEASE)
@@ -113,7 +113,7 @@ def test_a_hunters_brake_is_released_after_it_is_enabled_and_it_drives_a_curve()
         assert platform.state().velocity.yaw_rate == pytest.approx(0.2, rel=0.05)
         sharp = platform.send(Twist(vx=0.5, yaw_rate=1.5), platform.clock.now_ns())
         assert 0.2 < sharp.yaw_rate < 1.0
-        assert far_end.far_end.body.pose.yaw > 0.2
+        assert simulator.simulator.body.pose.yaw > 0.2
 
 
 def test_no_byte_of_a_command_that_is_not_finite_reaches_the_wire():

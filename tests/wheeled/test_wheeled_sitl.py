@@ -1,4 +1,4 @@
-"""The far end as a process: strangers drive it, it can be killed and frozen, and it ends at rest."""
+"""The simulator as a process: strangers drive it, it can be killed and frozen, and it ends at rest."""
 
 import contextlib
 import dataclasses
@@ -13,7 +13,6 @@ import urllib.request
 
 import can
 import pytest
-from adatracker_wheeled.platform import WheeledPlatform
 from wheeled_rig import send_for, until
 
 from adatracker_deploy.core.clock import MonotonicClock
@@ -22,6 +21,7 @@ from adatracker_deploy.core.messages import Twist
 from adatracker_deploy.perception.sources import open_source
 from adatracker_deploy.platform import Scenario
 from adatracker_deploy.registry import load_profile
+from adatracker_wheeled.platform import WheeledPlatform
 from adatracker_wheeled.protocol.bus import Bus
 from adatracker_wheeled.protocol.codec import Codec
 from adatracker_wheeled.sim.faults import injection
@@ -34,7 +34,7 @@ AHEAD = Twist(vx=0.5)
 
 @contextlib.contextmanager
 def rehearsal(profile=None, speed=1.0):
-    """A far end in its process, drawn seldom; give (sitl, the profile that reaches it, clock)."""
+    """A simulator in its process, drawn seldom; give (sitl, the profile that reaches it, clock)."""
     profile, clock = profile or load_profile("scout", WheeledPlatform), MonotonicClock(speed)
     camera = dataclasses.replace(profile.camera, rate_hz=5.0)
     with WheeledSitl(dataclasses.replace(profile, camera=camera)) as sitl:
@@ -176,18 +176,18 @@ def test_faults_are_injected_over_the_bus(fault):
         assert took_s < 0.5
 
 
-def test_a_far_end_that_is_killed_is_noticed_at_once():
+def test_a_simulator_that_is_killed_is_noticed_at_once():
     with rehearsal() as (sitl, profile, clock), engaged(profile, clock) as platform:
         send_for(platform, AHEAD, 0.5)
         os.kill(sitl.pid, signal.SIGKILL)
         begun_s = time.monotonic()
         with pytest.raises(PlatformError, match="is lost"):
             send_for(platform, AHEAD, 3.0)
-        print(f"far end killed: latched after {(time.monotonic() - begun_s) * 1e3:.0f} ms")
+        print(f"simulator killed: latched after {(time.monotonic() - begun_s) * 1e3:.0f} ms")
         assert time.monotonic() - begun_s < 0.2
 
 
-def test_a_far_end_that_is_frozen_is_noticed_and_does_not_move_when_it_wakes():
+def test_a_simulator_that_is_frozen_is_noticed_and_does_not_move_when_it_wakes():
     with rehearsal() as (sitl, profile, clock), engaged(profile, clock) as platform:
         send_for(platform, AHEAD, 0.5)
         os.kill(sitl.pid, signal.SIGSTOP)
@@ -195,7 +195,7 @@ def test_a_far_end_that_is_frozen_is_noticed_and_does_not_move_when_it_wakes():
             begun_s = time.monotonic()
             with pytest.raises(PlatformError, match="no measured motion"):
                 send_for(platform, AHEAD, 3.0)
-            print(f"far end frozen: latched after {(time.monotonic() - begun_s) * 1e3:.0f} ms")
+            print(f"simulator frozen: latched after {(time.monotonic() - begun_s) * 1e3:.0f} ms")
             assert time.monotonic() - begun_s < 0.35
         finally:
             os.kill(sitl.pid, signal.SIGCONT)

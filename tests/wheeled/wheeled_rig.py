@@ -7,17 +7,17 @@ import threading
 import time
 
 import can
-from adatracker_wheeled.platform import WheeledPlatform
 
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.platform import Scenario, Sitl
 from adatracker_deploy.registry import load_profile
-from adatracker_deploy.sim.process import Orders
+from adatracker_deploy.sim.process import FaultCommands
+from adatracker_wheeled.platform import WheeledPlatform
 from adatracker_wheeled.protocol.bus import Bus
 from adatracker_wheeled.protocol.codec import Codec
 from adatracker_wheeled.protocol.frames import CanFrame, Malformed
 from adatracker_wheeled.sim.faults import ON_DEMAND, injection
-from adatracker_wheeled.sim.simulator import FarEnd
+from adatracker_wheeled.sim.simulator import Simulator
 
 _numbers = itertools.count()
 
@@ -34,7 +34,7 @@ def base_profile(name="scout", *, channel=None, **sitl):
 
 
 class InProcess(Sitl):
-    """The far end of `WheeledSitl`, in a thread and behind a virtual bus."""
+    """The simulator of `WheeledSitl`, in a thread and behind a virtual bus."""
 
     faults = ON_DEMAND
 
@@ -42,21 +42,21 @@ class InProcess(Sitl):
         self._profile = profile
         self._ended = threading.Event()
         self._thread = None
-        self._orders = Orders()
+        self._orders = FaultCommands()
 
     def start(self, clock, scenario):
         connection, sitl = self._profile.connection, self._profile.sitl
-        self.far_end = FarEnd(connection.roles, sitl, scenario, clock, self._orders)
-        self.bus = Bus.open(connection, lambda frame: self.far_end.hear(frame) if frame else None)
-        self._thread = threading.Thread(target=self.far_end.serve, args=(self.bus.send, self._ended))
+        self.simulator = Simulator(connection.roles, sitl, scenario, clock, self._orders)
+        self.bus = Bus.open(connection, lambda frame: self.simulator.hear(frame) if frame else None)
+        self._thread = threading.Thread(target=self.simulator.serve, args=(self.bus.send, self._ended))
         self._thread.start()
         return self._profile
 
     def order(self, line):
-        self._orders.obey(line)
+        self._orders.handle(line)
 
     def inject(self, fault, *, begin=True):
-        self.far_end.hear(injection(fault, begin=begin))
+        self.simulator.hear(injection(fault, begin=begin))
 
     def close(self):
         self._ended.set()
@@ -118,7 +118,7 @@ class Sleepy(MonotonicClock):
 
 @contextlib.contextmanager
 def drive(profile=None, clock=None):
-    """A connected adapter and its base; give (adapter, far end)."""
+    """A connected adapter and its base; give (adapter, simulator)."""
     profile, clock = profile or base_profile(), clock or MonotonicClock()
     with InProcess(profile) as sitl, WheeledPlatform(sitl.start(clock, Scenario(seed=1)), clock) as platform:
         platform.connect()
@@ -146,5 +146,5 @@ def until(condition, within_s=5.0):
 def tapped(profile=None, clock=None):
     """A connected adapter, its base, and somebody who listens."""
     profile = profile or base_profile()
-    with contextlib.closing(Tap(profile)) as tap, drive(profile, clock) as (platform, far_end):
-        yield platform, far_end, tap
+    with contextlib.closing(Tap(profile)) as tap, drive(profile, clock) as (platform, simulator):
+        yield platform, simulator, tap

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adatracker_deploy.core.errors import PlatformError
-from adatracker_deploy.perception.boxes import best_apart, clipped
+from adatracker_deploy.perception.boxes import clipped, non_maximum_suppression
 from adatracker_deploy.perception.models.image_input import in_boxes
-from adatracker_deploy.perception.models.picture import Fit
+from adatracker_deploy.perception.models.picture import Letterbox
 from adatracker_deploy.perception.roles import Instances
 
 CANDIDATES = 1000
@@ -54,7 +54,7 @@ class Candidates:
     """None where the network gives no masks."""
 
 
-def instances(candidates: Candidates, rules: Rules, place: Fit, *, where: str) -> Instances:
+def instances(candidates: Candidates, rules: Rules, place: Letterbox, *, where: str) -> Instances:
     """Return the instances among the candidates, best first.
 
     Args:
@@ -76,7 +76,7 @@ def instances(candidates: Candidates, rules: Rules, place: Fit, *, where: str) -
     places = places[np.argsort(-scores[places], kind="stable")][:CANDIDATES]
     if rules.nms_iou < 1:
         chosen = candidates.boxes[places], scores[places], candidates.classes[places]
-        places = places[best_apart(*chosen, rules.nms_iou)]
+        places = places[non_maximum_suppression(*chosen, rules.nms_iou)]
     boxes, whole = clipped(place.boxes_back(candidates.boxes[places]), *place.picture)
     places, boxes = places[whole], boxes[whole]
     places, boxes = places[: rules.limit], boxes[: rules.limit]
@@ -89,7 +89,10 @@ def instances(candidates: Candidates, rules: Rules, place: Fit, *, where: str) -
 
 
 def cutter(
-    maps: Callable[[NDArray[np.intp]], NDArray[np.float32]], shape: tuple[int, int], place: Fit, above: float
+    maps: Callable[[NDArray[np.intp]], NDArray[np.float32]],
+    shape: tuple[int, int],
+    place: Letterbox,
+    above: float,
 ) -> Cut:
     """Return what cuts masks out of maps over the whole input.
 

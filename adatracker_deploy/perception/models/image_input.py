@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from adatracker_deploy.core.errors import UsageError
-from adatracker_deploy.perception.models.picture import Fit, Preparation, fit, prepare
+from adatracker_deploy.perception.models.picture import Letterbox, Preparation, fit, prepare
 from adatracker_deploy.perception.models.signature import Port
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ class ImageInput:
     """Rows and columns."""
     preparation: Preparation
 
-    def feed(self, picture: Picture) -> tuple[dict[str, Feed], Fit]:
+    def feed(self, picture: Picture) -> tuple[dict[str, Feed], Letterbox]:
         """Return what the graph is fed, and where the picture lies in it."""
         rows, columns = picture.shape[:2]
         place = fit((rows, columns), self.size, self.preparation.resize)

@@ -32,7 +32,7 @@ class Preparation:
 
 
 @dataclass(frozen=True, slots=True)
-class Fit:
+class Letterbox:
     """Where a picture lies in a network's input, in px."""
 
     picture: tuple[int, int]
@@ -83,20 +83,22 @@ class Fit:
         return np.array([self.left, self.top, self.left, self.top], np.float64)
 
 
-def fit(picture: tuple[int, int], size: tuple[int, int], resize: Resize) -> Fit:
+def fit(picture: tuple[int, int], size: tuple[int, int], resize: Resize) -> Letterbox:
     """Say where a picture of rows x columns goes in an input of rows x columns."""
     if resize == "stretch":
-        return Fit(picture, size, size, 0, 0)
+        return Letterbox(picture, size, size, 0, 0)
     gain = min(size[0] / picture[0], size[1] / picture[1])
     rows, columns = (
         max(1, min(whole, round(side * gain))) for side, whole in zip(picture, size, strict=True)
     )
     if resize == "letterbox_corner":
-        return Fit(picture, size, (rows, columns), 0, 0)
-    return Fit(picture, size, (rows, columns), (size[0] - rows) // 2, (size[1] - columns) // 2)
+        return Letterbox(picture, size, (rows, columns), 0, 0)
+    return Letterbox(picture, size, (rows, columns), (size[0] - rows) // 2, (size[1] - columns) // 2)
 
 
-def prepare(picture: Picture, place: Fit, how: Preparation, dtype: str = "float32") -> NDArray[np.generic]:
+def prepare(
+    picture: Picture, place: Letterbox, how: Preparation, dtype: str = "float32"
+) -> NDArray[np.generic]:
     """Return the network's input, shape (1, 3, rows, columns) or (1, rows, columns, 3)."""
     rows, columns = place.content
     small = cv2.resize(picture, (columns, rows), interpolation=cv2.INTER_LINEAR)

@@ -18,7 +18,7 @@ from adatracker_deploy.perception.boxes import from_centres
 from adatracker_deploy.perception.models.found import Candidates, Cut, Rules, cutter, instances, sigmoid
 from adatracker_deploy.perception.models.image_input import image_input, picture_port
 from adatracker_deploy.perception.models.model_file import ModelFile
-from adatracker_deploy.perception.models.picture import Fit, Preparation
+from adatracker_deploy.perception.models.picture import Letterbox, Preparation
 from adatracker_deploy.perception.models.session import Network
 from adatracker_deploy.perception.models.sidecar import Sidecar, class_names
 from adatracker_deploy.perception.models.signature import Port, bind
@@ -108,7 +108,7 @@ class RfDetrDetector:
             where=self.networks[0].file.path.name,
         )
 
-    def _cut(self, values: list[NDArray[np.float32]], place: Fit) -> Cut | None:
+    def _cut(self, values: list[NDArray[np.float32]], place: Letterbox) -> Cut | None:
         if len(values) <= len(OUTPUTS) - 1:
             return None
         maps = values[2][0]

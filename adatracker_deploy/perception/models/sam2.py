@@ -20,7 +20,7 @@ from adatracker_deploy.perception.models.found import sigmoid
 from adatracker_deploy.perception.models.image_input import image_input
 from adatracker_deploy.perception.models.memory_bank import MemoryBank, Remembered
 from adatracker_deploy.perception.models.model_file import ModelFile
-from adatracker_deploy.perception.models.picture import Fit
+from adatracker_deploy.perception.models.picture import Letterbox
 from adatracker_deploy.perception.models.rf_detr import IMAGENET
 from adatracker_deploy.perception.models.sam2_graphs import GRAPHS, INPUTS, OUTPUTS, names_by_graph
 from adatracker_deploy.perception.models.session import Feed, Network, Values
@@ -165,7 +165,7 @@ class Sam2Propagator:
         return rows, columns
 
 
-def _laid(mask: Bool, place: Fit) -> Bool:
+def _laid(mask: Bool, place: Letterbox) -> Bool:
     """Lay a mask over the picture into the input, shape (rows, columns)."""
     rows, columns = place.content
     laid = np.zeros(place.size, bool)

@@ -20,7 +20,7 @@ from adatracker_deploy.perception.models.found import Candidates, Rules, cutter,
 from adatracker_deploy.perception.models.image_input import image_input, picture_port
 from adatracker_deploy.perception.models.metadata import Metadata, read_metadata
 from adatracker_deploy.perception.models.model_file import ModelFile
-from adatracker_deploy.perception.models.picture import Fit, Preparation
+from adatracker_deploy.perception.models.picture import Letterbox, Preparation
 from adatracker_deploy.perception.models.session import Network
 from adatracker_deploy.perception.models.sidecar import Sidecar, class_names
 from adatracker_deploy.perception.models.signature import Port, bind
@@ -98,7 +98,7 @@ class YoloDetector:
         )
 
     def _candidates(
-        self, rows: NDArray[np.float32], prototypes: NDArray[np.float32] | None, place: Fit
+        self, rows: NDArray[np.float32], prototypes: NDArray[np.float32] | None, place: Letterbox
     ) -> Candidates:
         coefficients = rows[:, rows.shape[1] - self._coefficients :]
         if self._finished:

@@ -9,6 +9,6 @@ by an explicit engage, lets anything move again. ``docs/safety.md`` lists every 
 from adatracker_deploy.runtime.gate.judge import judge
 from adatracker_deploy.runtime.gate.reasons import Kind, Reason
 from adatracker_deploy.runtime.gate.state import GateState, Setpoint, Stage, Stop, Verdict
-from adatracker_deploy.runtime.gate.watch import unwatched
+from adatracker_deploy.runtime.gate.watch import unmonitored
 
-__all__ = ["GateState", "Kind", "Reason", "Setpoint", "Stage", "Stop", "Verdict", "judge", "unwatched"]
+__all__ = ["GateState", "Kind", "Reason", "Setpoint", "Stage", "Stop", "Verdict", "judge", "unmonitored"]

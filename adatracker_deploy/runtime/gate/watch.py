@@ -56,7 +56,7 @@ def warnings(limits: Limits, robot: PlatformState) -> tuple[Reason, ...]:
     return (Reason.BATTERY_LOW,) if low and Reason.BATTERY not in limits.switched_off else ()
 
 
-def unwatched(limits: Limits, robot: PlatformState) -> tuple[Reason, ...]:
+def unmonitored(limits: Limits, robot: PlatformState) -> tuple[Reason, ...]:
     """Return the limits that are on but cannot be kept, for the robot does not tell what they need."""
     missing = {
         Reason.GEOFENCE: robot.pose is None,

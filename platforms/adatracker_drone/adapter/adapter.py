@@ -1,7 +1,8 @@
 """The drone's adapter: a PX4 quadrotor flown by body velocities in OFFBOARD.
 
 What blocks (connecting, climbing, landing) takes turns behind one lock. What must not wait (a stop, a
-set-point, a takeover) goes through the `Helm`, so that a stop from another thread ends an engage at once.
+set-point, a takeover) goes through the `ControlAuthority`, so that a stop from another thread ends an engage
+at once.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ from adatracker_deploy.core.messages import PlatformState, Twist
 from adatracker_deploy.core.stamps import while_told
 from adatracker_deploy.platform import Check, Platform
 from adatracker_deploy.runtime.ownership import Claim
-from adatracker_drone.adapter.authority import Helm
-from adatracker_drone.adapter.command_client import TICK_NS, Dialogue
+from adatracker_drone.adapter.authority import ControlAuthority
+from adatracker_drone.adapter.command_client import TICK_NS, CommandClient
 from adatracker_drone.adapter.commands import HOLD
 from adatracker_drone.adapter.engage import LANDING_MODES, PROOF_OF_LIFE_S, Manoeuvres
 from adatracker_drone.adapter.preflight import (
@@ -28,7 +29,7 @@ from adatracker_drone.adapter.preflight import (
     mode_checks,
 )
 from adatracker_drone.adapter.transport import Vehicle
-from adatracker_drone.adapter.vehicle_state import Heard, Landed
+from adatracker_drone.adapter.vehicle_state import Landed, VehicleState
 from adatracker_drone.protocol.connection import Connection, altitude_band
 from adatracker_drone.protocol.frames import NedPose
 from adatracker_drone.protocol.setpoints import body_velocity
@@ -58,7 +59,7 @@ class DroneAdapter(Platform):
     def __init__(self, profile: Profile, clock: Clock) -> None:
         super().__init__(profile, clock)
         self._connection: Connection = profile.connection
-        self._helm = Helm(self._connection, clock)
+        self._authority = ControlAuthority(self._connection, clock)
         self._flight: Manoeuvres | None = None
         self._claim: Claim | None = None
         self._turn = threading.Lock()
@@ -79,15 +80,17 @@ class DroneAdapter(Platform):
             with contextlib.ExitStack() as undo:
                 claim = Claim(f"mavlink:{self._connection.url}:{self._connection.system_id}")
                 undo.callback(claim.close)
-                vehicle = Vehicle(self._connection, self.clock, self._helm.on_mode)
+                vehicle = Vehicle(self._connection, self.clock, self._authority.on_mode)
                 undo.callback(vehicle.close)
-                talk = Dialogue(vehicle, self._helm, self.clock)
+                talk = CommandClient(vehicle, self._authority, self.clock)
                 self._discover(talk)
                 undo.pop_all()
             self._claim = claim
-            self._flight = Manoeuvres(talk, self._helm, self.clock, self._connection, self.profile.limits)
+            self._flight = Manoeuvres(
+                talk, self._authority, self.clock, self._connection, self.profile.limits
+            )
 
-    def _discover(self, talk: Dialogue) -> None:
+    def _discover(self, talk: CommandClient) -> None:
         """Wait for the autopilot, and make sure that it is the right one."""
         vehicle = talk.vehicle
         wanted, timeout_s = self._connection.uid, self._connection.connect_timeout_s
@@ -130,7 +133,7 @@ class DroneAdapter(Platform):
                 flight.talk.wait(lambda: _is_ready(vehicle.heard), timeout_s, self._refuse_when_closing)
             heard, parameters = vehicle.heard, Parameters.read(vehicle.parameter)
             if parameters.COM_OF_LOSS_T:
-                self._helm.loss_s = parameters.COM_OF_LOSS_T
+                self._authority.loss_s = parameters.COM_OF_LOSS_T
             if parameters.NAV_MC_ALT_RAD is not None:
                 flight.acceptance_m = parameters.NAV_MC_ALT_RAD
             return (
@@ -166,9 +169,9 @@ class DroneAdapter(Platform):
         """
         with self._turn:
             flight = self._connected()
-            if self._helm.engaged:
+            if self._authority.engaged:
                 return
-            self._helm.give_consent()
+            self._authority.give_consent()
             proven_ns = flight.talk.deadline_ns(PROOF_OF_LIFE_S)
             try:
                 if flight.vehicle.heard.in_air:
@@ -177,7 +180,7 @@ class DroneAdapter(Platform):
                     flight.climb()
                 flight.enter_offboard(proven_ns)
             except PlatformError as error:
-                self._helm.withdraw(reason=str(error))
+                self._authority.withdraw(reason=str(error))
                 raise
 
     def send(self, command: Twist, now_ns: int) -> Twist:
@@ -188,28 +191,28 @@ class DroneAdapter(Platform):
         """
         if not command.is_finite():
             raise PlatformError(f"refused to send {command}: not finite")
-        return self._helm.steer(self._connected().vehicle, command, now_ns)
+        return self._authority.steer(self._connected().vehicle, command, now_ns)
 
     def state(self) -> PlatformState:
         """Return what telemetry said last; the pose is east-north-up, its z from where the drone took off."""
         flight = self._flight
-        heard = flight.vehicle.heard if flight is not None else Heard()
+        heard = flight.vehicle.heard if flight is not None else VehicleState()
         pose = velocity = None
         if heard.position_ned_m and heard.velocity_ned_m_s and heard.euler_frd_rad:
             north, east, down = heard.position_ned_m
             roll, pitch, heading = heard.euler_frd_rad
-            pose = NedPose(north, east, down - self._helm.ground_down_m, roll, pitch, heading).to_enu()
+            pose = NedPose(north, east, down - self._authority.ground_down_m, roll, pitch, heading).to_enu()
             velocity = body_velocity(heard.velocity_ned_m_s, heading, heard.yaw_rate_frd_rad_s)
         return PlatformState(
             t_ns=max(heard.position_t_ns, heard.attitude_t_ns),
             mode=heard.mode,
-            engaged=self._helm.engaged,
+            engaged=self._authority.engaged,
             landed=not heard.in_air or self._stands(heard),
             pose=pose,
             velocity=velocity,
             battery=while_told(heard.battery, heard.battery_t_ns, self.clock, _BATTERY_TIMEOUT_S),
-            stopped=self._helm.stopped,
-            taken_over=self._helm.taken_over,
+            stopped=self._authority.stopped,
+            taken_over=self._authority.taken_over,
         )
 
     def notices(self) -> tuple[str, ...]:
@@ -228,7 +231,7 @@ class DroneAdapter(Platform):
         self._withdraw(reason)
         with self._turn:
             flight = self._flight
-            if flight is None or not self._helm.in_charge:
+            if flight is None or not self._authority.in_charge:
                 return
             if flight.near_ground:
                 flight.land()
@@ -248,14 +251,14 @@ class DroneAdapter(Platform):
             if flight is None:
                 return
             asked_ns = self.clock.now_ns()
-            ours = self._helm.in_charge and flight.land()
+            ours = self._authority.in_charge and flight.land()
             heard = flight.vehicle.heard
             if not ours and (not heard.in_air or heard.mode not in LANDING_MODES):
                 return
             flight.await_rest(asked_ns, self._refuse_when_closing)
-            if self._helm.in_charge:
+            if self._authority.in_charge:
                 flight.leave_offboard()
-                self._helm.release()
+                self._authority.release()
 
     def close(self) -> None:
         """Release the connection; a drone that was left flying is told to land first."""
@@ -264,10 +267,10 @@ class DroneAdapter(Platform):
         with self._turn:
             flight, self._flight = self._flight, None
             if flight is not None:
-                if self._helm.in_charge:
+                if self._authority.in_charge:
                     with contextlib.suppress(PlatformError):  # the autopilot's fail-safe is the last resort
                         flight.land()
-                    self._helm.release()
+                    self._authority.release()
                 flight.vehicle.close()
             if self._claim is not None:
                 self._claim.close()
@@ -275,11 +278,11 @@ class DroneAdapter(Platform):
 
     def _withdraw(self, reason: str = "") -> None:
         flight = self._flight
-        self._helm.withdraw(flight.vehicle if flight is not None else None, reason)
+        self._authority.withdraw(flight.vehicle if flight is not None else None, reason)
 
-    def _stands(self, heard: Heard) -> bool:
+    def _stands(self, heard: VehicleState) -> bool:
         """Tell whether a drone that counts as taking off is where it stood: its thrust only ramps up."""
-        return heard.landed is Landed.TAKING_OFF and self._helm.altitude_m(heard) < _LIFTED_M
+        return heard.landed is Landed.TAKING_OFF and self._authority.altitude_m(heard) < _LIFTED_M
 
     def _connected(self) -> Manoeuvres:
         if self._flight is None:
@@ -291,6 +294,6 @@ class DroneAdapter(Platform):
             raise PlatformError("the connection is being closed")
 
 
-def _is_ready(heard: Heard) -> bool:
+def _is_ready(heard: VehicleState) -> bool:
     heard_of = heard.position_ned_m and heard.euler_frd_rad and heard.landed is not Landed.UNKNOWN
     return bool(heard_of and heard.armable and not heard.unhealthy and heard.battery is not None)

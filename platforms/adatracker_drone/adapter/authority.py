@@ -19,16 +19,16 @@ from adatracker_drone.protocol.setpoints import AltitudeHold
 
 if TYPE_CHECKING:
     from adatracker_deploy.core.clock import Clock
-    from adatracker_drone.adapter.commands import Order
+    from adatracker_drone.adapter.commands import VehicleCommand
     from adatracker_drone.adapter.transport import Vehicle
-    from adatracker_drone.adapter.vehicle_state import Heard
+    from adatracker_drone.adapter.vehicle_state import VehicleState
     from adatracker_drone.protocol.connection import Connection
 
 LONGEST_REASON = 95
 """As `PlatformState.stopped` promises."""
 
 
-class Helm:
+class ControlAuthority:
     """Guards what goes to one vehicle; every method returns at once."""
 
     def __init__(self, connection: Connection, clock: Clock) -> None:
@@ -110,7 +110,7 @@ class Helm:
             self.withdraw(reason=reason)
             self.release()
 
-    def order(self, vehicle: Vehicle, order: Order, *modes: str) -> None:
+    def order(self, vehicle: Vehicle, order: VehicleCommand, *modes: str) -> None:
         """Give an order that leads towards flight; from now on it may bring the vehicle into `modes` too.
 
         Raises:
@@ -122,7 +122,7 @@ class Helm:
             self._expected |= frozenset(modes)
             vehicle.order(order)
 
-    def order_down(self, vehicle: Vehicle, order: Order, *modes: str) -> bool:
+    def order_down(self, vehicle: Vehicle, order: VehicleCommand, *modes: str) -> bool:
         """Give an order that leads towards rest, without consent; False, and none, where it is not ours."""
         with self._lock:
             if not self.in_charge:
@@ -180,7 +180,7 @@ class Helm:
                 raise PlatformError(f"stopped: {self.stopped}")
             return self._transmit(vehicle, command, now_ns)
 
-    def altitude_m(self, heard: Heard) -> float:
+    def altitude_m(self, heard: VehicleState) -> float:
         """Return the height above where the drone took off."""
         return 0.0 if heard.position_ned_m is None else self.ground_down_m - heard.position_ned_m[2]
 

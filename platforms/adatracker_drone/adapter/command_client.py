@@ -1,4 +1,4 @@
-"""Orders and their answers: what is waited for and for how long, and whose the drone is before it is stopped.
+"""Commands and their acknowledgements, with time-outs; and whose the drone is before it is stopped.
 
 Times are the machine's seconds at any speed of the run: MAVSDK and radios run no faster in a fast rehearsal.
 """
@@ -9,13 +9,13 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from adatracker_deploy.core.errors import PlatformError
-from adatracker_drone.adapter.commands import TELL_MODE, Order
+from adatracker_drone.adapter.commands import TELL_MODE, VehicleCommand
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from adatracker_deploy.core.clock import Clock
-    from adatracker_drone.adapter.authority import Helm
+    from adatracker_drone.adapter.authority import ControlAuthority
     from adatracker_drone.adapter.transport import Vehicle
 
 TICK_NS = 50_000_000
@@ -33,12 +33,12 @@ def nothing() -> None:
     """Do nothing while waiting."""
 
 
-class Dialogue:
+class CommandClient:
     """One conversation with one vehicle, from one thread at a time."""
 
-    def __init__(self, vehicle: Vehicle, helm: Helm, clock: Clock) -> None:
+    def __init__(self, vehicle: Vehicle, authority: ControlAuthority, clock: Clock) -> None:
         self.vehicle = vehicle
-        self._helm = helm
+        self._authority = authority
         self._clock = clock
 
     def deadline_ns(self, timeout_s: float) -> int:
@@ -64,7 +64,7 @@ class Dialogue:
 
     def keep_alive(self) -> None:
         """Send a zero set-point; raise PlatformError when consent has gone."""
-        self._helm.keep_alive(self.vehicle)
+        self._authority.keep_alive(self.vehicle)
 
     def demand(self, condition: Callable[[], bool], timeout_s: float, failure: str) -> None:
         """Wait while there is consent, with set-points going out.
@@ -75,8 +75,8 @@ class Dialogue:
         if not self.wait(condition, timeout_s, self.keep_alive):
             raise PlatformError(failure)
 
-    def order(self, order: Order, *modes: str) -> None:
-        """Order what leads towards flight, while there is consent, until it is acknowledged.
+    def order(self, order: VehicleCommand, *modes: str) -> None:
+        """VehicleCommand what leads towards flight, while there is consent, until it is acknowledged.
 
         Consent is looked at before each time that the order goes out, and while its answer is waited for.
 
@@ -87,10 +87,12 @@ class Dialogue:
         Raises:
             PlatformError: consent has gone, or it was refused or not answered.
         """
-        self._until_answered(order, lambda: self._helm.order(self.vehicle, order, *modes), self.keep_alive)
+        self._until_answered(
+            order, lambda: self._authority.order(self.vehicle, order, *modes), self.keep_alive
+        )
 
-    def order_down(self, order: Order, *modes: str) -> bool:
-        """Order what leads towards rest, where the drone is still ours; return whether it is.
+    def order_down(self, order: VehicleCommand, *modes: str) -> bool:
+        """VehicleCommand what leads towards rest, where the drone is still ours; return whether it is.
 
         Whose it is is asked before each time that the order goes out.
 
@@ -100,7 +102,7 @@ class Dialogue:
         ours = [False]
 
         def send() -> None:
-            ours[0] = self.is_ours() and self._helm.order_down(self.vehicle, order, *modes)
+            ours[0] = self.is_ours() and self._authority.order_down(self.vehicle, order, *modes)
 
         self._until_answered(order, send, nothing, lambda: not ours[0])
         return ours[0]
@@ -113,17 +115,17 @@ class Dialogue:
         Raises:
             PlatformError: it does not tell. Whose the drone is then nobody knows, so it is left alone.
         """
-        if not self._helm.in_charge:
+        if not self._authority.in_charge:
             return False
         if not self.hear_mode():
             raise PlatformError(
                 "the autopilot does not tell its mode, so that nobody knows whose the drone is: its own "
                 "fail-safe acts; be ready with the remote control"
             )
-        return self._helm.in_charge
+        return self._authority.in_charge
 
     def hear_mode(self) -> bool:
-        """Ask the autopilot for its mode; return whether it did, and the helm has judged it."""
+        """Ask the autopilot for its mode; return whether it did, and the authority has judged it."""
         for _ in range(_TRIES * 2):
             answers, asked_ns = self.vehicle.answer(TELL_MODE).number, self._clock.now_ns()
             self.vehicle.order(TELL_MODE)
@@ -141,7 +143,7 @@ class Dialogue:
 
     def _until_answered(
         self,
-        order: Order,
+        order: VehicleCommand,
         send: Callable[[], None],
         meanwhile: Callable[[], None],
         needless: Callable[[], bool] = lambda: False,

@@ -14,7 +14,7 @@ _PARAMETERS = 7
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
+class VehicleCommand:
     """A COMMAND_LONG."""
 
     says: str
@@ -38,17 +38,17 @@ class Order:
         )
 
 
-def _mode(says: str, main: int, sub: int) -> Order:
-    return Order(says, 176, (_CUSTOM_MODE, main, sub))  # MAV_CMD_DO_SET_MODE, px4_custom_mode.h
+def _mode(says: str, main: int, sub: int) -> VehicleCommand:
+    return VehicleCommand(says, 176, (_CUSTOM_MODE, main, sub))  # MAV_CMD_DO_SET_MODE, px4_custom_mode.h
 
 
-def _request(says: str, message: int) -> Order:
-    return Order(says, 512, (message,))  # MAV_CMD_REQUEST_MESSAGE
+def _request(says: str, message: int) -> VehicleCommand:
+    return VehicleCommand(says, 512, (message,))  # MAV_CMD_REQUEST_MESSAGE
 
 
-ARM, DISARM = Order("arm", 400, (1,)), Order("disarm", 400, (0,))
-TAKE_OFF = Order("take off", 22, (None,) * _PARAMETERS)
-LAND = Order("land", 21, (None,) * _PARAMETERS)
+ARM, DISARM = VehicleCommand("arm", 400, (1,)), VehicleCommand("disarm", 400, (0,))
+TAKE_OFF = VehicleCommand("take off", 22, (None,) * _PARAMETERS)
+LAND = VehicleCommand("land", 21, (None,) * _PARAMETERS)
 HOLD = _mode("hold", 4, 3)
 OFFBOARD = _mode("switch to OFFBOARD", 6, 0)
 TELL_MODE = _request("tell its mode", HEARTBEAT)
@@ -56,9 +56,9 @@ TELL_MODE = _request("tell its mode", HEARTBEAT)
 TELL_VERSION = _request("tell who it is", _AUTOPILOT_VERSION)
 
 
-def rates(rate_hz: float) -> tuple[Order, ...]:
+def rates(rate_hz: float) -> tuple[VehicleCommand, ...]:
     """Return the orders to tell mode and landing at a rate. HEARTBEAT's own 1 Hz PX4 does not change."""
     return tuple(
-        Order(f"tell message {message} at {rate_hz:g} Hz", 511, (message, 1e6 / rate_hz))
+        VehicleCommand(f"tell message {message} at {rate_hz:g} Hz", 511, (message, 1e6 / rate_hz))
         for message in (CURRENT_MODE, _EXTENDED_SYS_STATE)
     )

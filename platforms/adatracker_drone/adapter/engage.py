@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from adatracker_deploy.core.errors import PlatformError
 from adatracker_drone.adapter.commands import ARM, DISARM, HOLD, LAND, OFFBOARD, TAKE_OFF
-from adatracker_drone.adapter.vehicle_state import Heard, Landed
+from adatracker_drone.adapter.vehicle_state import Landed, VehicleState
 from adatracker_drone.protocol.connection import Connection, altitude_band
 
 if TYPE_CHECKING:
@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
     from adatracker_deploy.config.limits import Limits
     from adatracker_deploy.core.clock import Clock
-    from adatracker_drone.adapter.authority import Helm
-    from adatracker_drone.adapter.command_client import Dialogue
+    from adatracker_drone.adapter.authority import ControlAuthority
+    from adatracker_drone.adapter.command_client import CommandClient
 
 PROOF_OF_LIFE_S = 1.2
 """PX4 wants set-points for 1 s before it switches to OFFBOARD."""
@@ -39,7 +39,7 @@ class Manoeuvres:
 
     Args:
         talk: with the vehicle.
-        helm: decides what may be ordered.
+        authority: decides what may be ordered.
         clock: the run's.
         connection: the profile's.
         limits: the profile's.
@@ -49,10 +49,15 @@ class Manoeuvres:
     """So far below its height a take-off is over (NAV_MC_ALT_RAD)."""
 
     def __init__(
-        self, talk: Dialogue, helm: Helm, clock: Clock, connection: Connection, limits: Limits
+        self,
+        talk: CommandClient,
+        authority: ControlAuthority,
+        clock: Clock,
+        connection: Connection,
+        limits: Limits,
     ) -> None:
         self.talk, self.vehicle = talk, talk.vehicle
-        self._helm = helm
+        self._authority = authority
         self._clock = clock
         self._connection = connection
         self._limits = limits
@@ -73,7 +78,7 @@ class Manoeuvres:
             PlatformError: consent has gone, or it flies in another mode.
         """
         holds = self.talk.wait(
-            lambda: self.vehicle.heard.mode == "HOLD", _SWITCH_TIMEOUT_S, self._helm.require_consent
+            lambda: self.vehicle.heard.mode == "HOLD", _SWITCH_TIMEOUT_S, self._authority.require_consent
         )
         if not holds:
             raise PlatformError("the drone flies and is not in HOLD: switch it to Hold, or land it, first")
@@ -93,26 +98,26 @@ class Manoeuvres:
         )
         vehicle.set_takeoff_altitude(height_m)  # blocks: nothing has to be stopped yet
         if vehicle.heard.position_ned_m is not None:
-            self._helm.ground_down_m = vehicle.heard.position_ned_m[2]
-        self._helm.take_charge()
-        self._helm.expect(vehicle, vehicle.heard.mode)
+            self._authority.ground_down_m = vehicle.heard.position_ned_m[2]
+        self._authority.take_charge()
+        self._authority.expect(vehicle, vehicle.heard.mode)
         self.talk.order(ARM)
         self.talk.order(TAKE_OFF, "TAKEOFF", "HOLD")
         settled_ns = self.talk.deadline_ns(_SETTLE_S)
         self.talk.demand(
             lambda: vehicle.heard.mode_t_ns > settled_ns, _SWITCH_TIMEOUT_S, "no mode told after take-off"
         )
-        self._helm.expect(vehicle, "TAKEOFF", "HOLD")
+        self._authority.expect(vehicle, "TAKEOFF", "HOLD")
         self.talk.demand(
             lambda: vehicle.heard.mode == "HOLD",
             _CLIMB_TIMEOUT_S,
             f"the drone did not climb to {height_m:g} m",
         )
         ends_m = height_m - min(self.acceptance_m, height_m / 2) - _DRIFT_M
-        if self._helm.altitude_m(vehicle.heard) < ends_m:
-            self._helm.lose("the drone went to HOLD before its take-off was over: by its pilot")
+        if self._authority.altitude_m(vehicle.heard) < ends_m:
+            self._authority.lose("the drone went to HOLD before its take-off was over: by its pilot")
         self.talk.demand(
-            lambda: self._helm.altitude_m(vehicle.heard) > _REACHED * height_m,
+            lambda: self._authority.altitude_m(vehicle.heard) > _REACHED * height_m,
             _CLIMB_TIMEOUT_S,
             f"the drone did not climb to {height_m:g} m and hold there",
         )
@@ -127,24 +132,24 @@ class Manoeuvres:
             PlatformError: consent has gone, or the autopilot does not go to OFFBOARD.
         """
         vehicle = self.vehicle
-        self._helm.expect(vehicle, "HOLD")
+        self._authority.expect(vehicle, "HOLD")
         self.talk.wait(lambda: self._clock.now_ns() >= proven_ns, PROOF_OF_LIFE_S, self.talk.keep_alive)
-        self._helm.take_charge()
+        self._authority.take_charge()
         if not self.talk.is_ours():
-            self._helm.require_consent()
-        self._helm.hold_altitude(vehicle, altitude_band(self._connection, self._limits))
+            self._authority.require_consent()
+        self._authority.hold_altitude(vehicle, altitude_band(self._connection, self._limits))
         for _ in range(2):
             self.talk.order(OFFBOARD, "OFFBOARD")
             if self.talk.wait(
                 lambda: vehicle.heard.mode == "OFFBOARD", _SWITCH_TIMEOUT_S, self.talk.keep_alive
             ):
-                self._helm.engage(vehicle)
+                self._authority.engage(vehicle)
                 return
         why = vehicle.heard.complaint or "it gave no reason"
         raise PlatformError(f"the autopilot did not go to OFFBOARD: {why}")
 
     def land(self) -> bool:
-        """Order LAND, and on the ground to disarm as well; return whether the drone was still ours.
+        """VehicleCommand LAND, and on the ground to disarm as well; return whether the drone was still ours.
 
         Raises:
             PlatformError: LAND was not acknowledged, or the autopilot does not tell whose the drone is.
@@ -152,7 +157,7 @@ class Manoeuvres:
         if not self.talk.order_down(LAND, "LAND", "HOLD"):
             return False
         if self.vehicle.heard.on_ground:
-            self._helm.order_down(
+            self._authority.order_down(
                 self.vehicle, DISARM
             )  # refused while the thrust ramps up: then LAND does it
         return True
@@ -182,10 +187,10 @@ class Manoeuvres:
                 "take over with the remote control, land and disarm by hand"
             )
         if self._gone(heard, settled_ns):
-            self._helm.lose(f"the drone went to {heard.mode} while it landed: by its pilot")
+            self._authority.lose(f"the drone went to {heard.mode} while it landed: by its pilot")
 
     @staticmethod
-    def _gone(heard: Heard, settled_ns: int) -> bool:
+    def _gone(heard: VehicleState, settled_ns: int) -> bool:
         """Tell whether a drone that was landing flies on in another mode."""
         flies = heard.armed and heard.in_air and heard.mode_t_ns > settled_ns
         return flies and heard.mode not in LANDING_MODES
@@ -200,9 +205,9 @@ class Manoeuvres:
     def near_ground(self) -> bool:
         """Whether the drone may stand on the ground still, whatever its thrust does."""
         heard = self.vehicle.heard
-        low = heard.landed is Landed.TAKING_OFF and self._helm.altitude_m(heard) < _NEAR_GROUND_M
+        low = heard.landed is Landed.TAKING_OFF and self._authority.altitude_m(heard) < _NEAR_GROUND_M
         return heard.on_ground or low
 
 
-def _can_arm(heard: Heard) -> bool:
+def _can_arm(heard: VehicleState) -> bool:
     return heard.armable and heard.on_ground and heard.position_ned_m is not None

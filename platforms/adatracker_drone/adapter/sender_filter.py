@@ -10,7 +10,7 @@ from __future__ import annotations
 import enum
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.core.milestone import milestone
+from adatracker_deploy.core.log_throttle import worth_logging
 from adatracker_drone.protocol.packets import HEARD, HEARTBEAT, Packet, split
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ class Guard:
         notices = []
         for why in _OFFENCES:
             count = self.ignored[why]
-            if milestone(self._told[why], count):
+            if worth_logging(self._told[why], count):
                 host, port = self._last[why]
                 notices.append(f"MAVLink: {count} ignored {why}; the last from {host}:{port}")
             self._told[why] = count

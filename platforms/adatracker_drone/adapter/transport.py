@@ -28,10 +28,10 @@ from mavsdk.plugins.telemetry import StatusTextType, Telemetry
 
 from adatracker_deploy.core.errors import PlatformError, UsageError
 from adatracker_drone.adapter.backlog import Backlog
-from adatracker_drone.adapter.commands import TELL_VERSION, Order, rates
+from adatracker_drone.adapter.commands import TELL_VERSION, VehicleCommand, rates
 from adatracker_drone.adapter.sender_filter import AUTOPILOT_COMPONENT, Ignored
 from adatracker_drone.adapter.udp import UdpLink
-from adatracker_drone.adapter.vehicle_state import HEALTH, Heard, Landed, mode_name
+from adatracker_drone.adapter.vehicle_state import HEALTH, Landed, VehicleState, mode_name
 from adatracker_drone.protocol.events import NO_REASON, WARNING, number_of, reason_of
 from adatracker_drone.protocol.packets import HEARTBEAT, split
 from adatracker_drone.protocol.setpoints import check_url, dialled, numeric_address, set_point_json
@@ -91,7 +91,7 @@ class Vehicle:
     """
 
     def __init__(self, connection: Connection, clock: Clock, on_mode: Callable[[str], None]) -> None:
-        self.heard = Heard()
+        self.heard = VehicleState()
         self._clock = clock
         self._on_mode = on_mode
         self._system_id = connection.system_id
@@ -145,12 +145,12 @@ class Vehicle:
         with self._explained("follow a set-point"):
             self._direct.send_message(self._message("SET_POSITION_TARGET_LOCAL_NED", fields))
 
-    def order(self, order: Order) -> None:
+    def order(self, order: VehicleCommand) -> None:
         """Send an order once; does not wait for anything."""
         with self._explained(order.says):
             self._direct.send_message(self._message("COMMAND_LONG", order.to_json(*self._autopilot)))
 
-    def answer(self, order: Order) -> Answer:
+    def answer(self, order: VehicleCommand) -> Answer:
         """Return what was answered to this kind of order. PX4 answers a switch of modes twice."""
         return self._answers.get(order.command, Answer())
 

@@ -52,7 +52,7 @@ class Landed(enum.Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class VehicleState:
     """What the vehicle said last; times are the run's clock at receipt, ns, 0 before the first message."""
 
     position_t_ns: int = 0

@@ -1,4 +1,4 @@
-"""Inside the far end: a body and its autopilot, stepped together on the shared clock, and their links."""
+"""Inside the simulator: a body and its autopilot, stepped together on the shared clock, and their links."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from adatracker_deploy.core.clock import Clock
 from adatracker_deploy.core.faults import BATTERY_LOW, LINK_DROP, ROBOT_SILENT, TAKEOVER
 from adatracker_deploy.core.geometry import Pose
 from adatracker_deploy.core.messages import Twist
-from adatracker_deploy.sim.process import Orders
+from adatracker_deploy.sim.process import FaultCommands
 from adatracker_drone.protocol.packets import signing_time
 from adatracker_drone.protocol.px4 import Mode
 from adatracker_drone.sim.autopilot import COMPONENT, NOBODY, Autopilot, Identity, velocity_of
@@ -82,7 +82,7 @@ def _is_ground_stations(message: Message) -> bool:
     return bool(message.get_type() == "HEARTBEAT" and message.type == mavlink.MAV_TYPE_GCS)
 
 
-class FarEnd:
+class Simulator:
     """One vehicle, standing on the ground with its power on, and its links."""
 
     def __init__(
@@ -93,7 +93,7 @@ class FarEnd:
         addresses: list[tuple[str, int]],
         *,
         key: bytes | None = None,
-        orders: Orders | None = None,
+        orders: FaultCommands | None = None,
         identity: Identity = NOBODY,
     ) -> None:
         """Switch it on.
@@ -115,7 +115,7 @@ class FarEnd:
         self._body = DroneBody(settings)
         self._body.reset(Pose(yaw=math.radians(settings.yaw_deg)), seed)
         self._wires = [Wire(address, key, identity.system) for address in addresses]
-        self._orders = orders or Orders()
+        self._orders = orders or FaultCommands()
         self._piloted = False
         self._ticks = 0
 

@@ -1,4 +1,4 @@
-"""The simulated far end: a JSBSim quadrotor behind PX4's dialect of MAVLink, in a process of its own.
+"""The simulator: a JSBSim quadrotor behind PX4's dialect of MAVLink, in a process of its own.
 
 ``DroneSitl`` starts it for a rehearsal. By hand, for a ground station or a script of one's own::
 
@@ -7,7 +7,7 @@
 It sends to the given UDP port of this machine from a port of its own, as PX4's simulator does.
 
 A rehearsal reaches nothing else. Both ports are new and the kernel's choice, whatever the profile says; each
-end hears and speaks to the other's port alone from the start; and the far end has a uid that was drawn for
+end hears and speaks to the other's port alone from the start; and the simulator has a uid that was drawn for
 this run, without which the adapter arms nothing. Whoever else is heard on the link ends the rehearsal.
 """
 
@@ -30,13 +30,13 @@ from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.core.faults import BATTERY_LOW, LINK_DROP, ROBOT_SILENT, TAKEOVER
 from adatracker_deploy.platform import Scenario, Sitl
 from adatracker_deploy.sim.process import (
-    FarEndProcess,
-    Orders,
+    FaultCommands,
+    SimulatorProcess,
     add_arguments,
-    announce,
-    far_end_clock,
-    lifeline,
+    announce_ready,
+    parent_watchdog,
     refuse,
+    simulator_clock,
 )
 from adatracker_drone.protocol.signing import read_key
 from adatracker_drone.sim.settings import SitlSettings
@@ -44,27 +44,27 @@ from adatracker_drone.sim.settings import SitlSettings
 if TYPE_CHECKING:
     from adatracker_deploy.config.profile import Profile
     from adatracker_deploy.core.clock import Clock
-    from adatracker_drone.sim.simulator import FarEnd
+    from adatracker_drone.sim.simulator import Simulator
 
 STOP_TIMEOUT_S = 65.0
-"""The far end gives up on coming to rest a little sooner by itself (`far_end.LINGER_S`)."""
+"""The simulator gives up on coming to rest a little sooner by itself (`simulator.LINGER_S`)."""
 UID_BYTES = 18
 """Of AUTOPILOT_VERSION, uid2."""
 _GCS = re.compile(r"udpout:([0-9.]+):(\d+)")
 
 
 class DroneSitl(Sitl):
-    """Starts the far end on a link of its own; the profile's ``connection.url`` is not used."""
+    """Starts the simulator on a link of its own; the profile's ``connection.url`` is not used."""
 
     faults = (LINK_DROP, ROBOT_SILENT, BATTERY_LOW, TAKEOVER)
     """Its camera is drawn in the tracker, and freezes there."""
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
-        self._process = FarEndProcess("adatracker_drone.sim.sitl", "simulated drone", STOP_TIMEOUT_S)
+        self._process = SimulatorProcess("adatracker_drone.sim.sitl", "simulated drone", STOP_TIMEOUT_S)
 
     def start(self, clock: Clock, scenario: Scenario) -> Profile:
-        """Start the far end and wait until it is up; the world is drawn elsewhere, from the drone's own pose.
+        """Start the simulator and wait until it is up; the world is drawn elsewhere, by the drone's pose.
 
         Raises:
             UsageError: the sitl extra is missing, or a setting cannot be.
@@ -100,7 +100,7 @@ class DroneSitl(Sitl):
         self._process.close()
 
     def order(self, line: str) -> None:
-        """Pass an order on to the far end."""
+        """Pass an order on to the simulator."""
         self._process.order(line)
 
 
@@ -111,21 +111,21 @@ def _free_port() -> int:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the far end until it is told to end; return the exit status."""
+    """Run the simulator until it is told to end; return the exit status."""
     args = _arguments().parse_args(argv)
     try:
         settings = parse(SitlSettings, json.loads(args.settings), where="settings")
         gcs = _gcs_address(args.gcs or settings.gcs)
         key = read_key(args.signing_key) if args.signing_key else None
-        orders = Orders()
+        orders = FaultCommands()
         addresses = [("127.0.0.1", args.port), *gcs]
-        far_end = _power_on(settings, args, addresses, key, orders)
+        simulator = _power_on(settings, args, addresses, key, orders)
     except (UsageError, json.JSONDecodeError) as error:
         return refuse(error)
-    lifeline_ended = lifeline(args, orders)
-    announce(port=args.port, source=far_end.source_port, gcs=gcs)
+    lifeline_ended = parent_watchdog(args, orders)
+    announce_ready(port=args.port, source=simulator.source_port, gcs=gcs)
     with contextlib.suppress(KeyboardInterrupt):
-        far_end.serve(far_end_clock(args), lifeline_ended)
+        simulator.serve(simulator_clock(args), lifeline_ended)
     return 0
 
 
@@ -134,14 +134,14 @@ def _power_on(
     args: argparse.Namespace,
     addresses: list[tuple[str, int]],
     key: bytes | None,
-    orders: Orders,
-) -> FarEnd:
+    orders: FaultCommands,
+) -> Simulator:
     _require_libraries()
     from adatracker_drone.sim.autopilot import Identity
-    from adatracker_drone.sim.simulator import FarEnd
+    from adatracker_drone.sim.simulator import Simulator
 
     identity = Identity(args.system_id, bytes.fromhex(args.uid))
-    return FarEnd(settings, args.seed, args.speed, addresses, key=key, orders=orders, identity=identity)
+    return Simulator(settings, args.seed, args.speed, addresses, key=key, orders=orders, identity=identity)
 
 
 def _require_libraries() -> None:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 from adatracker_deploy.core.camera import ROBOT
 from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.log_throttle import worth_logging
 from adatracker_deploy.core.messages import ZERO, PlatformState, Twist
-from adatracker_deploy.core.milestone import milestone
 from adatracker_deploy.core.stamps import while_told
 from adatracker_deploy.platform import Check, Platform
 from adatracker_deploy.runtime.suspend import SuspendWatch
@@ -174,7 +174,7 @@ class QuadrupedAdapter(Platform):
         wire = self._wire
         count = wire.watch.dropped if wire is not None else 0
         told, self._told = self._told, count
-        return (f"Zenoh: {count} malformed messages were dropped",) if milestone(told, count) else ()
+        return (f"Zenoh: {count} malformed messages were dropped",) if worth_logging(told, count) else ()
 
     def hold(self, reason: str) -> None:
         """Send zero three times; no command follows until an explicit `engage`."""

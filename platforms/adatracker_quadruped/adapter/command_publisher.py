@@ -8,7 +8,7 @@ from adatracker_deploy.core.messages import ZERO, Twist
 from adatracker_quadruped.protocol import sport
 from adatracker_quadruped.protocol.keys import Keys
 from adatracker_quadruped.protocol.messages import encode_twist, encode_twist_stamped
-from adatracker_quadruped.protocol.publisher import Outlet
+from adatracker_quadruped.protocol.publisher import Publisher
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -35,7 +35,7 @@ class Commander:
         self.key = keys.command
         """Where commands go."""
         self._connection = connection
-        self._outlet = Outlet(session, keys.command, attaches=keys.attaches)
+        self._outlet = Publisher(session, keys.command, attaches=keys.attaches)
 
     @property
     def matched(self) -> bool:

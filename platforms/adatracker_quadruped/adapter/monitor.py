@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 import zenoh
 
 from adatracker_deploy.core.stamps import StampOrder
-from adatracker_quadruped.adapter.subscriber import Tap
+from adatracker_quadruped.adapter.subscriber import Subscriber
 from adatracker_quadruped.protocol.cdr import SMALL_CAP_BYTES
 from adatracker_quadruped.protocol.keys import Keys
 from adatracker_quadruped.protocol.messages import (
@@ -42,7 +42,7 @@ _MOST_TOKENS = 64
 """A stranger who invents tokens must not fill the memory."""
 
 
-class Watch:
+class RobotMonitor:
     """Listens to the robot for as long as its session lives."""
 
     def __init__(self, session: zenoh.Session, connection: Connection, clock: Clock) -> None:
@@ -51,12 +51,12 @@ class Watch:
         self._clock = clock
         turned = connection.odometry_velocity == "odom"
         self._driver = Fresh(_decode_turned if turned else decode_odometry, clock)
-        self.odometry = Tap(session, keys.odometry, self._driver, clock, SMALL_CAP_BYTES)
+        self.odometry = Subscriber(session, keys.odometry, self._driver, clock, SMALL_CAP_BYTES)
         self.imu = self.battery = self._tokens = self._rehearsal = None
         if keys.imu:
-            self.imu = Tap(session, keys.imu, Fresh(decode_imu, clock), clock, SMALL_CAP_BYTES)
+            self.imu = Subscriber(session, keys.imu, Fresh(decode_imu, clock), clock, SMALL_CAP_BYTES)
         if keys.battery:
-            self.battery = Tap(session, keys.battery, decode_battery, clock, SMALL_CAP_BYTES)
+            self.battery = Subscriber(session, keys.battery, decode_battery, clock, SMALL_CAP_BYTES)
         if connection.robot_liveliness:
             self._tokens = _Tokens(session, connection.robot_liveliness)
         if run := SitlKeys(connection).run:

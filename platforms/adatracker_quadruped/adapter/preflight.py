@@ -20,7 +20,7 @@ LONGEST_TIMEOUT_S = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Heard:
+class RobotTelemetry:
     """What a preflight has found."""
 
     command_key: str
@@ -29,7 +29,7 @@ class Heard:
     has_rival: bool
     """Another host holds the token."""
     trouble: str
-    """What `watch.Watch.trouble` says."""
+    """What `watch.RobotMonitor.trouble` says."""
     odometry_hz: float
     attitude: tuple[float, float, float] | None
     """Roll, pitch and yaw, rad, from the IMU, or from the odometry where there is no IMU topic."""
@@ -42,7 +42,7 @@ class Heard:
     """Messages that were malformed."""
 
 
-def judge(heard: Heard, connection: Connection) -> tuple[Check, ...]:
+def judge(heard: RobotTelemetry, connection: Connection) -> tuple[Check, ...]:
     """Return every check, the ones that pass too."""
     checks = (
         _commands(heard),
@@ -59,7 +59,7 @@ def judge(heard: Heard, connection: Connection) -> tuple[Check, ...]:
     return checks
 
 
-def _commands(heard: Heard) -> Check:
+def _commands(heard: RobotTelemetry) -> Check:
     if heard.matched:
         return Check("command topic", ok=True, message=f"somebody subscribes to {heard.command_key}")
     return Check(
@@ -70,7 +70,7 @@ def _commands(heard: Heard) -> Check:
     )
 
 
-def _lease(heard: Heard, connection: Connection) -> Check:
+def _lease(heard: RobotTelemetry, connection: Connection) -> Check:
     if not heard.has_rival:
         return Check("only host", ok=True, message=f"no other host holds {connection.host_token}")
     return Check(
@@ -80,14 +80,14 @@ def _lease(heard: Heard, connection: Connection) -> Check:
     )
 
 
-def _odometry(heard: Heard, connection: Connection) -> Check:
+def _odometry(heard: RobotTelemetry, connection: Connection) -> Check:
     least_hz = LEAST_IN_TIMEOUT / connection.odometry_timeout_s
     ok = not heard.trouble and heard.odometry_hz >= least_hz
     found = heard.trouble or f"{heard.odometry_hz:.0f} Hz"
     return Check("odometry", ok, found if ok else f"{found}; at least {least_hz:.0f} Hz are needed")
 
 
-def _upright(heard: Heard) -> Check:
+def _upright(heard: RobotTelemetry) -> Check:
     if heard.attitude is None:
         return Check("upright", ok=False, message="no attitude was heard: check connection.imu_topic")
     roll, pitch, _ = heard.attitude
@@ -97,7 +97,7 @@ def _upright(heard: Heard) -> Check:
     return Check("upright", ok, f"leans by {tilt_deg:.0f} degrees{mend}")
 
 
-def _battery(heard: Heard, connection: Connection) -> Check:
+def _battery(heard: RobotTelemetry, connection: Connection) -> Check:
     least = connection.min_battery
     if heard.battery is None:
         mend = "" if least == 0 else ": name connection.battery_topic, or set min_battery to 0 to go without"
@@ -123,6 +123,6 @@ def _own_timeout(connection: Connection) -> Check:
     )
 
 
-def _camera(heard: Heard) -> Check:
+def _camera(heard: RobotTelemetry) -> Check:
     found = "images come on" if heard.camera_heard else "no image came on"
     return Check("camera topic", heard.camera_heard, f"{found} {heard.camera_key}", blocking=False)

@@ -31,7 +31,7 @@ class Reading(Generic[T]):
     """Good messages so far, this one included."""
 
 
-class Tap(Generic[T]):
+class Subscriber(Generic[T]):
     """Listens on one key; what comes while a message is being decoded is replaced by what comes after it.
 
     Args:

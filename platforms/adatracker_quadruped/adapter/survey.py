@@ -5,12 +5,12 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
-from adatracker_quadruped.adapter.preflight import Heard
+from adatracker_quadruped.adapter.preflight import RobotTelemetry
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from adatracker_quadruped.adapter.monitor import Watch
+    from adatracker_quadruped.adapter.monitor import RobotMonitor
     from adatracker_quadruped.adapter.transport import Wire
 
 _LISTEN_S = 0.5
@@ -20,7 +20,7 @@ _COMPLETE_S = 2.0
 _POLL_S = 0.01
 
 
-def survey(wire: Wire, camera_key: str) -> Heard:
+def survey(wire: Wire, camera_key: str) -> RobotTelemetry:
     """Return what is heard within two seconds, in half a second if everything is.
 
     Args:
@@ -34,7 +34,7 @@ def survey(wire: Wire, camera_key: str) -> Heard:
     until(lambda: all(tap.newest is not None for tap in taps), began_s + _COMPLETE_S)
     until(lambda: time.monotonic() > began_s + _LISTEN_S, began_s + _COMPLETE_S)
     after, listened_s = watch.odometry.newest, time.monotonic() - began_s
-    return Heard(
+    return RobotTelemetry(
         command_key=wire.commander.key,
         matched=wire.commander.matched,
         has_rival=not wire.lease.take(),
@@ -57,7 +57,7 @@ def until(condition: Callable[[], bool], deadline_s: float) -> bool:
     return True
 
 
-def _attitude(watch: Watch) -> tuple[float, float, float] | None:
+def _attitude(watch: RobotMonitor) -> tuple[float, float, float] | None:
     """Return roll, pitch and yaw, rad, as the IMU says, or the odometry of a robot whose IMU is not named."""
     if watch.imu is not None:
         return watch.imu.newest.value.attitude if watch.imu.newest else None

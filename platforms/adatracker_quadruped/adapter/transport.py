@@ -12,7 +12,7 @@ from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.runtime.ownership import Claim
 from adatracker_quadruped.adapter.command_publisher import Commander
 from adatracker_quadruped.adapter.lease import Lease
-from adatracker_quadruped.adapter.monitor import Watch
+from adatracker_quadruped.adapter.monitor import RobotMonitor
 from adatracker_quadruped.protocol.rehearsal_keys import SitlKeys
 from adatracker_quadruped.protocol.session import open_session
 
@@ -43,7 +43,7 @@ class Wire:
             raise
         try:
             self._require_own_rehearsal(connection)
-            self.watch = Watch(self._session, connection, clock)
+            self.watch = RobotMonitor(self._session, connection, clock)
             self.commander = Commander(self._session, connection, self.watch.meant)
             self.lease = Lease(self._session, connection.host_token)
             self.lease.take()

@@ -9,7 +9,7 @@ import zenoh
 from adatracker_quadruped.protocol.keys import attachment
 
 
-class Outlet:
+class Publisher:
     """Publishes CDR on one key; samples are dropped rather than queued, and a put never waits for a reader.
 
     With queueing, a reader that was frozen for 3 s was measured to be sent the commands of all that time in

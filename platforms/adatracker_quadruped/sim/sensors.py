@@ -15,7 +15,7 @@ from adatracker_quadruped.protocol.messages import (
     encode_odometry,
     in_odom,
 )
-from adatracker_quadruped.protocol.publisher import Outlet
+from adatracker_quadruped.protocol.publisher import Publisher
 from adatracker_quadruped.protocol.rehearsal_keys import Fault
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ class _Due:
     """An outlet with a period; a slot that was missed is not made up for."""
 
     def __init__(self, session: zenoh.Session, key: str, rate_hz: float, *, attaches: bool) -> None:
-        self._outlet = Outlet(session, key, attaches=attaches) if key else None
+        self._outlet = Publisher(session, key, attaches=attaches) if key else None
         self._period_ns = round(1e9 / rate_hz)
         self._next_ns = 0
 

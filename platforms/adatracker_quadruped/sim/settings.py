@@ -1,4 +1,4 @@
-"""What the simulated far end is like: the profile's ``sitl:`` section. Needs no simulator to be imported."""
+"""What the simulator is like: the profile's ``sitl:`` section. Needs no simulator to be imported."""
 
 from __future__ import annotations
 

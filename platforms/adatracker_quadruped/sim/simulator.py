@@ -1,4 +1,4 @@
-"""Inside the far end: a trotting body in a world, and its ROS 2 topics in a Zenoh session of its own."""
+"""Inside the simulator: a trotting body in a world, and its ROS 2 topics in a Zenoh session of its own."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from adatracker_deploy.core.faults import CAMERA_GONE, LINK_DROP
 from adatracker_deploy.core.messages import ZERO
 from adatracker_deploy.perception.compressed_image import CompressedImage
 from adatracker_deploy.runtime.pacer import Pacer
-from adatracker_deploy.sim.process import Orders
+from adatracker_deploy.sim.process import FaultCommands
 from adatracker_deploy.sim.rehearsal import Rehearsal, film
 from adatracker_quadruped.protocol.connection import Connection
 from adatracker_quadruped.protocol.keys import Keys
 from adatracker_quadruped.protocol.messages import encode_compressed_image
-from adatracker_quadruped.protocol.publisher import Outlet
+from adatracker_quadruped.protocol.publisher import Publisher
 from adatracker_quadruped.protocol.rehearsal_keys import ORDERED, Fault, SitlKeys, encode_stamped_truth
 from adatracker_quadruped.protocol.session import zenoh_config
 from adatracker_quadruped.sim.command_decoder import STALE_S, Intake
@@ -57,7 +57,7 @@ class Robot:
     camera_hz: Annotated[float, Range(1, 240)]
 
 
-class FarEnd:
+class Simulator:
     """One robot, standing, that anybody who reaches its endpoint can walk.
 
     Args:
@@ -71,9 +71,11 @@ class FarEnd:
         UsageError: there is no such scene.
     """
 
-    def __init__(self, robot: Robot, scenario: Scenario, clock: Clock, orders: Orders | None = None) -> None:
+    def __init__(
+        self, robot: Robot, scenario: Scenario, clock: Clock, orders: FaultCommands | None = None
+    ) -> None:
         self._robot, self._clock = robot, clock
-        self._orders = orders or Orders()
+        self._orders = orders or FaultCommands()
         connection = robot.connection
         self._command_timeout_s = connection.command_timeout_s
         self._camera_hz = robot.camera_hz
@@ -206,8 +208,8 @@ class _Wire:
             live.declare_token(key) for key in (sitl_keys.alive, sitl_keys.run, _token(connection)) if key
         ]
         self.senses = Senses(session, connection, robot.sitl)
-        self.images = Outlet(session, keys.camera, attaches=keys.attaches)
-        self.truths = Outlet(session, sitl_keys.truth, attaches=False)
+        self.images = Publisher(session, keys.camera, attaches=keys.attaches)
+        self.truths = Publisher(session, sitl_keys.truth, attaches=False)
 
 
 def _token(connection: Connection) -> str:

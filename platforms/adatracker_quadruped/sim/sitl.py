@@ -1,11 +1,11 @@
-"""The simulated far end: a trotting robot that speaks ROS 2 over Zenoh, its camera's images with it.
+"""The simulator: a trotting robot that speaks ROS 2 over Zenoh, its camera's images with it.
 
 ``QuadrupedSitl`` starts it for a rehearsal. By hand, for a script or ROS 2 nodes of one's own::
 
     python -m adatracker_quadruped.sim.sitl --profile go2 --listen tcp/127.0.0.1:7447
 
 Then anything can go wrong on demand, by a word on the key ``sitl/fault`` (`sitl_keys.Fault`), or by an
-order on stdin (`far_end.Orders`).
+order on stdin (`simulator.FaultCommands`).
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from adatracker_deploy.core.errors import PlatformError, UsageError
 from adatracker_deploy.platform import Scenario, Sitl
 from adatracker_deploy.registry import load_platform, load_profile
 from adatracker_deploy.sim.process import (
-    FarEndProcess,
-    Orders,
+    FaultCommands,
+    SimulatorProcess,
     add_arguments,
-    announce,
-    far_end_clock,
-    lifeline,
+    announce_ready,
+    parent_watchdog,
     refuse,
+    simulator_clock,
 )
 from adatracker_quadruped.protocol.camera_topic import with_camera
 from adatracker_quadruped.protocol.rehearsal_keys import ON_DEMAND
@@ -41,7 +41,7 @@ from adatracker_quadruped.protocol.rehearsal_keys import ON_DEMAND
 if TYPE_CHECKING:
     from adatracker_deploy.config.profile import Profile
     from adatracker_deploy.core.clock import Clock
-    from adatracker_quadruped.sim.simulator import FarEnd, Robot
+    from adatracker_quadruped.sim.simulator import Robot, Simulator
 
 _ANYWHERE = "tcp/127.0.0.1:0"
 _LISTEN = re.compile(r"tcp/127\.0\.0\.1:([0-9]{1,5})")
@@ -53,21 +53,21 @@ _TRIES = 20
 
 
 class QuadrupedSitl(Sitl):
-    """Starts the far end at a free port of this machine, whatever robot the profile's endpoint names."""
+    """Starts the simulator at a free port of this machine, whatever robot the profile's endpoint names."""
 
     faults = ON_DEMAND
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
-        self._process = FarEndProcess("adatracker_quadruped.sim.sitl", "simulated quadruped")
+        self._process = SimulatorProcess("adatracker_quadruped.sim.sitl", "simulated quadruped")
 
     @property
     def pid(self) -> int | None:
-        """The far end's process; None while there is none."""
+        """The simulator's process; None while there is none."""
         return self._process.pid
 
     def start(self, clock: Clock, scenario: Scenario) -> Profile:
-        """Start the far end and wait until it is up.
+        """Start the simulator and wait until it is up.
 
         Raises:
             UsageError: there is no such scene, or the sitl extra is missing.
@@ -107,7 +107,7 @@ class QuadrupedSitl(Sitl):
         self._process.close()
 
     def order(self, line: str) -> None:
-        """Pass an order on to the far end."""
+        """Pass an order on to the simulator."""
         self._process.order(line)
 
 
@@ -120,20 +120,20 @@ def _with_robots_camera(profile: Profile) -> Profile:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the far end until it is told to end; return the exit status."""
+    """Run the simulator until it is told to end; return the exit status."""
     args = _arguments().parse_args(argv)
     try:
-        orders, robot = Orders(), _robot(args)
-        far_end, endpoint = _power_on(robot, args, orders)
+        orders, robot = FaultCommands(), _robot(args)
+        simulator, endpoint = _power_on(robot, args, orders)
     except (UsageError, json.JSONDecodeError) as error:
         return refuse(error)
     except PlatformError as error:
         refuse(error)
         return _FAILED
-    lifeline_ended = lifeline(args, orders)
-    announce(endpoint=endpoint)
+    lifeline_ended = parent_watchdog(args, orders)
+    announce_ready(endpoint=endpoint)
     with contextlib.suppress(KeyboardInterrupt):
-        far_end.serve(lifeline_ended)
+        simulator.serve(lifeline_ended)
     return 0
 
 
@@ -148,9 +148,9 @@ def _robot(args: argparse.Namespace) -> Robot:
     return Robot(connection=connection, sitl=profile.sitl, camera_hz=profile.camera.rate_hz)
 
 
-def _power_on(robot: Robot, args: argparse.Namespace, orders: Orders) -> tuple[FarEnd, str]:
+def _power_on(robot: Robot, args: argparse.Namespace, orders: FaultCommands) -> tuple[Simulator, str]:
     """Return the robot and where it listens; for port 0 that is whichever it can bind itself, and so owns."""
-    from adatracker_quadruped.sim.simulator import FarEnd
+    from adatracker_quadruped.sim.simulator import Simulator
 
     scenario = Scenario(scene=args.scene, target_speed_m_s=args.target_speed, seed=args.seed)
     endpoints = [args.listen]
@@ -160,7 +160,7 @@ def _power_on(robot: Robot, args: argparse.Namespace, orders: Orders) -> tuple[F
         connection = dataclasses.replace(robot.connection, endpoint=endpoint)
         try:
             there = dataclasses.replace(robot, connection=connection)
-            return FarEnd(there, scenario, far_end_clock(args), orders), endpoint
+            return Simulator(there, scenario, simulator_clock(args), orders), endpoint
         except PlatformError as error:
             taken = error
     raise taken
@@ -188,7 +188,7 @@ def _arguments() -> argparse.ArgumentParser:
     )
     parser.add_argument("--scene", default="simple_room", help="the world it stands in")
     parser.add_argument("--target-speed", type=float, default=1.0, help="of the person in it, m/s")
-    parser.add_argument("--robot", default="", help="instead of a profile: a far_end.Robot as JSON")
+    parser.add_argument("--robot", default="", help="instead of a profile: a simulator.Robot as JSON")
     add_arguments(parser)
     return parser
 

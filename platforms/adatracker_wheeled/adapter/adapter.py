@@ -1,7 +1,8 @@
 """The wheeled base's adapter: velocity commands over a CAN bus, as the profile's roles say them.
 
 What blocks (connecting, enabling, coming to rest) takes turns behind one lock. What must not wait (a stop, a
-command, a takeover) goes through the `Helm`, so that a stop from another thread ends an engage at once.
+command, a takeover) goes through the `ControlAuthority`, so that a stop from another thread ends an engage at
+once.
 """
 
 from __future__ import annotations
@@ -12,11 +13,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from adatracker_deploy.core.errors import PlatformError, UsageError
+from adatracker_deploy.core.log_throttle import worth_logging
 from adatracker_deploy.core.messages import PlatformState, Twist
-from adatracker_deploy.core.milestone import milestone
 from adatracker_deploy.core.stamps import while_told
 from adatracker_deploy.platform import Check, Platform
-from adatracker_wheeled.adapter.authority import Helm
+from adatracker_wheeled.adapter.authority import ControlAuthority
 from adatracker_wheeled.adapter.engage import enable
 from adatracker_wheeled.adapter.preflight import (
     battery_check,
@@ -26,7 +27,7 @@ from adatracker_wheeled.adapter.preflight import (
     status_checks,
     timeout_check,
 )
-from adatracker_wheeled.adapter.receiver import Heard, Trouble
+from adatracker_wheeled.adapter.receiver import BaseTelemetry, StopCause
 from adatracker_wheeled.adapter.transport import Wire
 from adatracker_wheeled.protocol.connection import Connection
 
@@ -59,7 +60,7 @@ class WheeledAdapter(Platform):
         self._connection: Connection = profile.connection
         self._timing = self._connection.roles.timing
         self._battery_timeout_s = _BATTERY_PERIODS * self._timing.battery_period_s
-        self._helm = Helm()
+        self._authority = ControlAuthority()
         self._turn = threading.Lock()
         self._closing = False
         self._sent_ns = 0
@@ -76,7 +77,7 @@ class WheeledAdapter(Platform):
             PlatformError: the bus cannot be opened, or no state is heard within `silence_timeout_s`.
         """
         with self._turn:
-            if self._helm.wire is not None:
+            if self._authority.wire is not None:
                 return
             wire = Wire(self._connection, self.profile.limits, self.clock, self._watch)
             try:
@@ -84,7 +85,7 @@ class WheeledAdapter(Platform):
             except BaseException:  # a Ctrl-C too must not leave the bus open
                 wire.close()
                 raise
-            self._helm.wire = wire
+            self._authority.wire = wire
 
     def preflight(self) -> tuple[Check, ...]:
         """Wait for a first motion and charge, then judge what the base says of itself."""
@@ -96,10 +97,10 @@ class WheeledAdapter(Platform):
                 wire.wait(lambda heard: heard.battery is not None, 1.5 * self._timing.battery_period_s)
             return (
                 *status_checks(wire.heard, self._timing, self.clock.now_ns(), self.clock.speed),
-                control_check(wire.heard, wire.rival(), self._helm.in_charge, wire.mark.left_by()),
+                control_check(wire.heard, wire.rival(), self._authority.in_charge, wire.mark.left_by()),
                 battery_check(wire.heard.battery, self._connection.min_battery),
                 timeout_check(self._timing),
-                frames_check(wire.ear.malformed),
+                frames_check(wire.receiver.malformed),
                 *self._queue_checks(),
             )
 
@@ -112,20 +113,20 @@ class WheeledAdapter(Platform):
             PlatformError: the base is not fit or does not obey, or somebody called `hold`, `disengage` or
                 `close` meanwhile.
         """
-        withdrawals = self._helm.withdrawals
+        withdrawals = self._authority.withdrawals
         with self._turn:
             wire = self._connected()
-            if self._helm.engaged:
+            if self._authority.engaged:
                 return
-            self._helm.give_consent(withdrawals)
+            self._authority.give_consent(withdrawals)
             try:
                 if wire.lost:
                     wire.reopen()
-                    wire.hear_state(self._helm.require_consent)
+                    wire.hear_state(self._authority.require_consent)
                 self._sent_ns = 0
-                enable(wire, self._helm, self._connection, self.clock)
+                enable(wire, self._authority, self._connection, self.clock)
             except (PlatformError, UsageError) as error:
-                self._helm.withdraw(str(error))
+                self._authority.withdraw(str(error))
                 raise
 
     def send(self, command: Twist, now_ns: int) -> Twist:
@@ -137,47 +138,47 @@ class WheeledAdapter(Platform):
         if not command.is_finite():
             raise PlatformError(f"refused to send {command}: not finite")
         wire = self._connected()
-        with self._helm.lock:
-            self._helm.heed(self._found(wire, now_ns) if self._helm.engaged else None)
-            if not self._helm.engaged:
-                raise PlatformError(f"not engaged: {self._helm.stopped or 'engage first'}")
+        with self._authority.lock:
+            self._authority.heed(self._found(wire, now_ns) if self._authority.engaged else None)
+            if not self._authority.engaged:
+                raise PlatformError(f"not engaged: {self._authority.stopped or 'engage first'}")
             said = wire.command(command, now_ns)
             self._sent_ns = now_ns
             return said
 
     def state(self) -> PlatformState:
         """Return what the base said last; its pose is from where it was first heard, by its own wheels."""
-        wire = self._helm.wire
-        heard = wire.heard if wire is not None else Heard()
+        wire = self._authority.wire
+        heard = wire.heard if wire is not None else BaseTelemetry()
         return PlatformState(
             t_ns=max(heard.status_t_ns, heard.motion_t_ns),
             mode=heard.status.mode_name if heard.status else "",
-            engaged=self._helm.engaged,
+            engaged=self._authority.engaged,
             pose=while_told(heard.pose, heard.pose_t_ns, self.clock, _POSE_TIMEOUT_S),
             velocity=heard.motion,
             battery=while_told(heard.battery, heard.battery_t_ns, self.clock, self._battery_timeout_s),
-            stopped=self._helm.stopped,
-            taken_over=self._helm.taken_over,
+            stopped=self._authority.stopped,
+            taken_over=self._authority.taken_over,
         )
 
     def notices(self) -> tuple[str, ...]:
         """Tell of the base's warnings, and of frames of its that could not be believed."""
-        wire = self._helm.wire
+        wire = self._authority.wire
         if wire is None:
             return ()
-        count, status = wire.ear.malformed, wire.heard.status
+        count, status = wire.receiver.malformed, wire.heard.status
         told, self._told = self._told, count
         warnings = frozenset(filter(None, status.warning.split(", "))) if status is not None else frozenset()
         new, self._warned = warnings - self._warned, self._warned | warnings
         return (
-            *((f"CAN: {count} malformed frames were dropped",) if milestone(told, count) else ()),
+            *((f"CAN: {count} malformed frames were dropped",) if worth_logging(told, count) else ()),
             *(f"the base warns of: {warning}" for warning in sorted(new)),
         )
 
     def hold(self, reason: str) -> None:
         """Say zero three times, then nothing until an explicit `engage`; the base stays enabled."""
-        self._helm.withdraw(reason)
-        wire = self._helm.wire
+        self._authority.withdraw(reason)
+        wire = self._authority.wire
         if wire is not None:
             wire.finish()
 
@@ -188,15 +189,15 @@ class WheeledAdapter(Platform):
             PlatformError: the bus is lost or too full to disable the base, or the base was not seen to stand
                 within 3 s.
         """
-        self._helm.withdraw()
+        self._authority.withdraw()
         with self._turn:
-            wire = self._helm.wire
-            if wire is None or not self._helm.in_charge:
+            wire = self._authority.wire
+            if wire is None or not self._authority.in_charge:
                 return
             asked_ns = self.clock.now_ns()
             self._disable(wire)
 
-            def stands(heard: Heard) -> bool:
+            def stands(heard: BaseTelemetry) -> bool:
                 return heard.motion_t_ns > asked_ns and heard.at_rest
 
             if not wire.wait(stands, _REST_TIMEOUT_S, self._refuse_when_closing):
@@ -207,32 +208,32 @@ class WheeledAdapter(Platform):
 
     def close(self) -> None:
         """Release the bus; a base that was left enabled is stopped and disabled first."""
-        self._helm.withdraw()
+        self._authority.withdraw()
         self._closing = True
         with self._turn:
             try:
-                wire = self._helm.wire
+                wire = self._authority.wire
                 if wire is not None:
-                    if self._helm.in_charge:
+                    if self._authority.in_charge:
                         with contextlib.suppress(PlatformError):  # the base's own time-out is the last resort
                             self._disable(wire)
-                    self._helm.wire = None
+                    self._authority.wire = None
                     wire.close()
             finally:
                 self._closing = False
 
     def _watch(self) -> None:
         """Stop for trouble as soon as it is heard, from the receive thread."""
-        with self._helm.lock:
-            wire = self._helm.wire
-            if wire is not None and self._helm.engaged:
-                self._helm.heed(wire.trouble(self.clock.now_ns()))
+        with self._authority.lock:
+            wire = self._authority.wire
+            if wire is not None and self._authority.engaged:
+                self._authority.heed(wire.trouble(self.clock.now_ns()))
 
-    def _found(self, wire: Wire, now_ns: int) -> Trouble | None:
+    def _found(self, wire: Wire, now_ns: int) -> StopCause | None:
         """Judge the base, and whoever sends: a base that has stopped by itself is not set going again."""
         silent_s = (now_ns - self._sent_ns) / 1e9 / self.clock.speed if self._sent_ns else 0.0
         if silent_s > self._timing.base_timeout_s:
-            return Trouble(f"no command for {silent_s:.2f} s: the base has stopped by itself")
+            return StopCause(f"no command for {silent_s:.2f} s: the base has stopped by itself")
         return wire.trouble(now_ns)
 
     def _disable(self, wire: Wire) -> None:
@@ -246,13 +247,16 @@ class WheeledAdapter(Platform):
 
     def _given_back(self, wire: Wire) -> bool:
         """Ask a base once to obey no longer; tell whether it is in nobody's charge now."""
-        with self._helm.lock:
-            mine, self._helm.in_charge = self._helm.in_charge, False  # for good if `offer` finds the bus lost
+        with self._authority.lock:
+            mine, self._authority.in_charge = (
+                self._authority.in_charge,
+                False,
+            )  # for good if `offer` finds the bus lost
             if mine:  # nobody has taken it meanwhile
-                self._helm.in_charge = not wire.offer(wire.codec.disable())
-                if not self._helm.in_charge:
+                self._authority.in_charge = not wire.offer(wire.codec.disable())
+                if not self._authority.in_charge:
                     wire.mark.clear()
-            return not self._helm.in_charge
+            return not self._authority.in_charge
 
     def _queue_checks(self) -> tuple[Check, ...]:
         length = Path("/sys/class/net", self._connection.channel, "tx_queue_len")
@@ -261,9 +265,9 @@ class WheeledAdapter(Platform):
         return (queue_check(self._connection.channel, int(length.read_text(encoding="ascii"))),)
 
     def _connected(self) -> Wire:
-        if self._helm.wire is None:
+        if self._authority.wire is None:
             raise PlatformError("the base is not connected: connect first")
-        return self._helm.wire
+        return self._authority.wire
 
     def _refuse_when_closing(self) -> None:
         if self._closing:

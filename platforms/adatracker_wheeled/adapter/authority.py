@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING
 from adatracker_deploy.core.errors import PlatformError
 
 if TYPE_CHECKING:
-    from adatracker_wheeled.adapter.receiver import Trouble
+    from adatracker_wheeled.adapter.receiver import StopCause
     from adatracker_wheeled.adapter.transport import Wire
 
 _LONGEST_REASON = 95
 """As `PlatformState.stopped` promises."""
 
 
-class Helm:
+class ControlAuthority:
     """Guards what goes out on a wire; every method returns at once."""
 
     def __init__(self) -> None:
@@ -97,7 +97,7 @@ class Helm:
                 self.wire.mute()
                 self.wire.mark.clear()
 
-    def heed(self, trouble: Trouble | None) -> None:
+    def heed(self, trouble: StopCause | None) -> None:
         """Stop for trouble, and let go of a base that somebody else has taken."""
         if trouble is None:
             return

@@ -12,8 +12,8 @@ from adatracker_wheeled.adapter.transmitter import ZEROS
 
 if TYPE_CHECKING:
     from adatracker_deploy.core.clock import Clock
-    from adatracker_wheeled.adapter.authority import Helm
-    from adatracker_wheeled.adapter.receiver import Heard
+    from adatracker_wheeled.adapter.authority import ControlAuthority
+    from adatracker_wheeled.adapter.receiver import BaseTelemetry
     from adatracker_wheeled.adapter.transport import Wire
     from adatracker_wheeled.protocol.connection import Connection
 
@@ -22,7 +22,7 @@ _LISTEN_S = 0.1
 """Somebody else's commands come 10 times a second at least, and are heard before this side's first."""
 
 
-def enable(wire: Wire, helm: Helm, connection: Connection, clock: Clock) -> None:
+def enable(wire: Wire, authority: ControlAuthority, connection: Connection, clock: Clock) -> None:
     """Bring a base that is fit into command mode, at zero speed; its errors are not cleared.
 
     Raises:
@@ -30,9 +30,9 @@ def enable(wire: Wire, helm: Helm, connection: Connection, clock: Clock) -> None
     """
 
     def still() -> None:
-        with helm.lock:
-            _refuse_unfit(wire, helm)
-            helm.require_consent()
+        with authority.lock:
+            _refuse_unfit(wire, authority)
+            authority.require_consent()
             wire.command(ZERO, clock.now_ns())
 
     begun_ns = clock.now_ns()
@@ -41,56 +41,58 @@ def enable(wire: Wire, helm: Helm, connection: Connection, clock: Clock) -> None
     wire.wait(
         lambda heard: heard.status_t_ns > begun_ns and clock.now_ns() > enough_ns,
         connection.roles.timing.state_timeout_s,
-        helm.require_consent,
+        authority.require_consent,
     )
-    _refuse_unfit(wire, helm)
-    if _enabled(wire.heard) and not helm.in_charge:
-        _take_back(wire, helm, connection, clock)
-    helm.take_charge()
+    _refuse_unfit(wire, authority)
+    if _enabled(wire.heard) and not authority.in_charge:
+        _take_back(wire, authority, connection, clock)
+    authority.take_charge()
     for _ in range(ZEROS):
         still()
         clock.sleep_until(clock.now_ns() + _TICK_NS)
     asked_ns = clock.now_ns()
-    with helm.lock:
-        helm.require_consent()
+    with authority.lock:
+        authority.require_consent()
         wire.say((*wire.codec.enable(), *wire.codec.release_brake()))
 
-    def obeys(heard: Heard) -> bool:
+    def obeys(heard: BaseTelemetry) -> bool:
         return heard.status_t_ns > asked_ns and wire.trouble(clock.now_ns()) is None
 
     if not wire.wait(obeys, connection.engage_timeout_s, still):
         found = wire.trouble(clock.now_ns())
         why = found.reason if found else "it said nothing new"
         raise PlatformError(f"the base did not obey within {connection.engage_timeout_s:g} s: {why}")
-    helm.engage()
+    authority.engage()
 
 
-def _enabled(heard: Heard) -> bool:
+def _enabled(heard: BaseTelemetry) -> bool:
     return heard.status is not None and heard.status.mode == "ours"
 
 
-def _take_back(wire: Wire, helm: Helm, connection: Connection, clock: Clock) -> None:
+def _take_back(wire: Wire, authority: ControlAuthority, connection: Connection, clock: Clock) -> None:
     """Put a base into standby that a killed run of this user's has left enabled, and nobody commands."""
     if wire.mark.left_by() is None:
         raise PlatformError(NOT_OURS)
-    wire.listen(helm.require_consent)
-    _refuse_unfit(wire, helm)
-    helm.take_charge()
+    wire.listen(authority.require_consent)
+    _refuse_unfit(wire, authority)
+    authority.take_charge()
     asked_ns = clock.now_ns()
-    with helm.lock:
-        helm.require_consent()
+    with authority.lock:
+        authority.require_consent()
         wire.say(wire.codec.disable())
 
-    def stands_by(heard: Heard) -> bool:
+    def stands_by(heard: BaseTelemetry) -> bool:
         return heard.status_t_ns > asked_ns and not _enabled(heard)
 
-    if wire.codec.disable() and not wire.wait(stands_by, connection.engage_timeout_s, helm.require_consent):
+    if wire.codec.disable() and not wire.wait(
+        stands_by, connection.engage_timeout_s, authority.require_consent
+    ):
         raise PlatformError(f"the base does not go into standby within {connection.engage_timeout_s:g} s")
 
 
-def _refuse_unfit(wire: Wire, helm: Helm) -> None:
+def _refuse_unfit(wire: Wire, authority: ControlAuthority) -> None:
     status = wire.heard.status
     found = wire.estranged() or (unfit(status) if status is not None else None)
-    helm.heed(found)
+    authority.heed(found)
     if found is not None:
         raise PlatformError(found.reason)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from adatracker_deploy.platform import Check
 
 if TYPE_CHECKING:
-    from adatracker_wheeled.adapter.receiver import Heard, Trouble
+    from adatracker_wheeled.adapter.receiver import BaseTelemetry, StopCause
     from adatracker_wheeled.protocol.roles import Timing
 
 NOT_OURS = (
@@ -18,7 +18,7 @@ LONGEST_QUEUE = 10
 """Frames that the kernel may keep for a stalled bus; on recovery they all go out, however old."""
 
 
-def status_checks(heard: Heard, timing: Timing, now_ns: int, speed: float) -> tuple[Check, ...]:
+def status_checks(heard: BaseTelemetry, timing: Timing, now_ns: int, speed: float) -> tuple[Check, ...]:
     """Judge the base's own report; ages are in machine time, `speed` is the clock's."""
     status = heard.status
     age_s = (now_ns - heard.status_t_ns) / 1e9 / speed
@@ -60,7 +60,9 @@ def status_checks(heard: Heard, timing: Timing, now_ns: int, speed: float) -> tu
     )
 
 
-def control_check(heard: Heard, rival: Trouble | None, in_charge: bool, left_by: int | None) -> Check:
+def control_check(
+    heard: BaseTelemetry, rival: StopCause | None, in_charge: bool, left_by: int | None
+) -> Check:
     """Judge who commands the base.
 
     Args:

@@ -24,7 +24,7 @@ _V1_STATE, _V2_STATE = 0x151, 0x211
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Heard:
+class BaseTelemetry:
     """What the base said last; times are the run's clock at receipt, ns, 0 before the first message."""
 
     status: BaseStatus | None = None
@@ -48,7 +48,7 @@ class Heard:
         return motion is not None and abs(motion.vx) < _REST_M_S and abs(motion.yaw_rate) < _REST_RAD_S
 
 
-class Ear:
+class Receiver:
     """Turns frames into a snapshot, from one thread; others only read `heard`.
 
     Args:
@@ -58,7 +58,7 @@ class Ear:
     """
 
     def __init__(self, codec: Codec, roles: Roles, speed: float = 1.0) -> None:
-        self.heard = Heard()
+        self.heard = BaseTelemetry()
         self.malformed = 0
         """Frames of the base's that could not be believed; they changed nothing."""
         self.strangers: set[int] = set()
@@ -73,7 +73,7 @@ class Ear:
 
     def forget(self) -> None:
         """Begin anew after a lost bus; the pose stays where it was."""
-        self.heard = Heard(pose=self.heard.pose)
+        self.heard = BaseTelemetry(pose=self.heard.pose)
 
     def receive(self, frame: CanFrame, now_ns: int) -> None:
         """Take in one frame, received at `now_ns`; none of them is this side's own."""
@@ -123,7 +123,7 @@ def _repeated(before: BaseStatus | None, now: BaseStatus) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Trouble:
+class StopCause:
     """Why the base must not be driven on."""
 
     reason: str
@@ -133,26 +133,26 @@ class Trouble:
     """Somebody at the robot wanted it: with the remote control or the emergency stop."""
 
 
-def rival(heard: Heard, since_ns: int) -> Trouble | None:
+def rival(heard: BaseTelemetry, since_ns: int) -> StopCause | None:
     """Return the trouble with somebody else who commands the base, if one was heard after `since_ns`."""
     if heard.rival_id is None or heard.rival_t_ns <= since_ns:
         return None
     why = f"somebody else on the bus commands the base (frames {heard.rival_id:#x}): end that program first"
-    return Trouble(why, taken=True, by_hand=True)
+    return StopCause(why, taken=True, by_hand=True)
 
 
-def unfit(status: BaseStatus) -> Trouble | None:
+def unfit(status: BaseStatus) -> StopCause | None:
     """Return what in the base's own report forbids to drive it in any mode."""
     if status.mode == "remote":
-        return Trouble("the base is under remote control", taken=True, by_hand=True)
+        return StopCause("the base is under remote control", taken=True, by_hand=True)
     if status.emergency_stop:
-        return Trouble("the base's emergency stop is pressed", by_hand=True)
+        return StopCause("the base's emergency stop is pressed", by_hand=True)
     if status.fault:
-        return Trouble(f"the base reports: {status.fault}")
+        return StopCause(f"the base reports: {status.fault}")
     return None
 
 
-def trouble(heard: Heard, timing: Timing, now_ns: int, speed: float) -> Trouble | None:
+def trouble(heard: BaseTelemetry, timing: Timing, now_ns: int, speed: float) -> StopCause | None:
     """Judge at `now_ns` whether a base that is driven may be driven on; ages are in machine time.
 
     Args:
@@ -164,13 +164,13 @@ def trouble(heard: Heard, timing: Timing, now_ns: int, speed: float) -> Trouble 
     status = heard.status
     state_age_s = (now_ns - heard.status_t_ns) / 1e9 / speed
     if status is None or state_age_s > timing.state_timeout_s:
-        return Trouble(f"no new state from the base for {state_age_s:.2f} s")
+        return StopCause(f"no new state from the base for {state_age_s:.2f} s")
     if found := unfit(status):
         return found
     if status.mode != "ours":
         why = f"the base went to {status.mode_name} by its own or by somebody else's will"
-        return Trouble(why, taken=True, by_hand=True)
+        return StopCause(why, taken=True, by_hand=True)
     motion_age_s = (now_ns - heard.motion_t_ns) / 1e9 / speed
     if motion_age_s > timing.feedback_timeout_s:
-        return Trouble(f"no measured motion from the base for {motion_age_s:.2f} s")
+        return StopCause(f"no measured motion from the base for {motion_age_s:.2f} s")
     return None

@@ -12,7 +12,7 @@ from adatracker_deploy.core.messages import ZERO
 from adatracker_deploy.runtime.charge import ChargeMark
 from adatracker_deploy.runtime.ownership import Claim
 from adatracker_deploy.runtime.suspend import SuspendWatch
-from adatracker_wheeled.adapter.receiver import Ear, Heard, Trouble, rival, trouble
+from adatracker_wheeled.adapter.receiver import BaseTelemetry, Receiver, StopCause, rival, trouble
 from adatracker_wheeled.adapter.transmitter import Transmitter
 from adatracker_wheeled.protocol.bus import Bus
 from adatracker_wheeled.protocol.codec import Codec
@@ -52,7 +52,7 @@ class Wire:
     ) -> None:
         self.codec = Codec(connection.roles)
         self.codec.check_limits(limits)
-        self.ear = Ear(self.codec, connection.roles, clock.speed)
+        self.receiver = Receiver(self.codec, connection.roles, clock.speed)
         self._connection = connection
         self._timing = connection.roles.timing
         self._clock = clock
@@ -74,9 +74,9 @@ class Wire:
         )
 
     @property
-    def heard(self) -> Heard:
+    def heard(self) -> BaseTelemetry:
         """What the base said last."""
-        return self.ear.heard
+        return self.receiver.heard
 
     @property
     def lost(self) -> str:
@@ -88,7 +88,7 @@ class Wire:
         """Frames that the bus did not take."""
         return self._bus.dropped
 
-    def trouble(self, now_ns: int) -> Trouble | None:
+    def trouble(self, now_ns: int) -> StopCause | None:
         """Judge whether a base that is driven may be driven on."""
         return self.estranged() or trouble(self.heard, self._timing, now_ns, self._clock.speed)
 
@@ -97,15 +97,15 @@ class Wire:
         self._suspends.begin()
         self._driven_ns = self._clock.now_ns() - self._rival_ns
 
-    def estranged(self) -> Trouble | None:
+    def estranged(self) -> StopCause | None:
         """Return why this side must not command the base, whatever that says of itself."""
         if self._bus.lost:
-            return Trouble(self._bus.lost)
+            return StopCause(self._bus.lost)
         if why := self._suspends.trouble():
-            return Trouble(why)
+            return StopCause(why)
         return rival(self.heard, self._driven_ns)
 
-    def rival(self) -> Trouble | None:
+    def rival(self) -> StopCause | None:
         """Return the trouble with somebody else who has commanded the base lately."""
         return rival(self.heard, self._clock.now_ns() - self._rival_ns)
 
@@ -171,7 +171,7 @@ class Wire:
         """
         self.transmitter.mute()
         self._bus.close()
-        self.ear.forget()
+        self.receiver.forget()
         self._bus = Bus.open(self._connection, self._hear)
         self._opened_ns = self._clock.now_ns()
 
@@ -183,12 +183,12 @@ class Wire:
         """
         timeout_s = self._connection.silence_timeout_s
         if not self.wait(lambda heard: heard.status is not None, timeout_s, meanwhile):
-            why = self.lost or self.ear.explain_silence()
+            why = self.lost or self.receiver.explain_silence()
             raise PlatformError(f"no state from the base within {timeout_s:g} s: {why}")
 
     def wait(
         self,
-        condition: Callable[[Heard], bool],
+        condition: Callable[[BaseTelemetry], bool],
         timeout_s: float,
         meanwhile: Callable[[], None] = lambda: None,
     ) -> bool:
@@ -213,7 +213,7 @@ class Wire:
 
     def _hear(self, frame: CanFrame | None) -> None:
         if frame is not None:
-            self.ear.receive(frame, self._clock.now_ns())
+            self.receiver.receive(frame, self._clock.now_ns())
         self._on_news()
 
     def _put(self, twist: Twist) -> None:

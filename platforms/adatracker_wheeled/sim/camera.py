@@ -41,7 +41,7 @@ class FailingCamera:
             if self._server is not None:
                 self._server.publish(self._last)
 
-    def suffer(self, faults: frozenset[str]) -> None:
+    def apply_faults(self, faults: frozenset[str]) -> None:
         """Have these faults from now on, and no others; from any thread."""
         with self._changing:
             self._frozen = CAMERA_FREEZE.name in faults

@@ -87,7 +87,7 @@ class Base:
             The velocity that it asks for, obeyed or not; None if it asks for none.
         """
         if (injected := parse_injection(frame)) is not None:
-            self.suffer(*injected)
+            self.apply_faults(*injected)
             return None
         try:
             demand = self._codec.parse_command(frame)
@@ -106,7 +106,7 @@ class Base:
             self._command, self._expires_s = demand.twist, now_s + self._timeout_s
         return demand.twist
 
-    def suffer(self, fault: FaultName, begins: bool) -> None:
+    def apply_faults(self, fault: FaultName, begins: bool) -> None:
         """Let something begin, or end, to be wrong."""
         (self.faults.add if begins else self.faults.discard)(fault)
         self._obey_remote()

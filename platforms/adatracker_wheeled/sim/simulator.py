@@ -1,4 +1,4 @@
-"""Inside the far end: a base and its body in a world, stepped together on the shared clock."""
+"""Inside the simulator: a base and its body in a world, stepped together on the shared clock."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections import deque
 from typing import TYPE_CHECKING
 
 from adatracker_deploy.core.messages import ZERO
-from adatracker_deploy.sim.process import Orders
+from adatracker_deploy.sim.process import FaultCommands
 from adatracker_deploy.sim.rehearsal import Rehearsal
 from adatracker_wheeled.protocol.codec import Codec
 from adatracker_wheeled.sim.dynamics import WheeledBody
@@ -39,7 +39,7 @@ _REST = 1e-3
 """m/s and rad/s."""
 
 
-class FarEnd:
+class Simulator:
     """One base with its power on, in one world.
 
     Args:
@@ -59,9 +59,9 @@ class FarEnd:
         settings: SitlSettings,
         scenario: Scenario,
         clock: Clock,
-        orders: Orders | None = None,
+        orders: FaultCommands | None = None,
     ) -> None:
-        self._orders = orders or Orders()
+        self._orders = orders or FaultCommands()
         self._suffered: frozenset[str] = frozenset()
         """The orders' faults, as the base has heard of them."""
         self.base = Base(roles, settings, clock.speed)
@@ -122,7 +122,7 @@ class FarEnd:
         ordered = self._orders.faults
         for name in ordered ^ self._suffered:
             if name in FAULT_NAMES:
-                self.base.suffer(FAULT_NAMES[name], name in ordered)
+                self.base.apply_faults(FAULT_NAMES[name], name in ordered)
         self._suffered = ordered
 
     @property

@@ -1,4 +1,4 @@
-"""The simulated far end: a base in a world behind a socketcand, in a process of its own.
+"""The simulator: a base in a world behind a socketcand, in a process of its own.
 
 ``WheeledSitl`` starts it for a rehearsal. By hand, for a script or another tool of one's own::
 
@@ -6,7 +6,7 @@
     python -m adatracker_wheeled.sim.sitl --profile scout --interface socketcan --channel vcan0
 
 `injection` tells how to make things go wrong while it runs, on the bus or by an order on stdin
-(`far_end.Orders`); any browser shows its camera.
+(`simulator.FaultCommands`); any browser shows its camera.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from adatracker_deploy.core.faults import LINK_DROP
 from adatracker_deploy.platform import Scenario, Sitl
 from adatracker_deploy.registry import load_platform, load_profile
 from adatracker_deploy.sim.process import (
-    FarEndProcess,
-    Orders,
+    FaultCommands,
+    SimulatorProcess,
     add_arguments,
-    announce,
-    far_end_clock,
-    lifeline,
+    announce_ready,
+    parent_watchdog,
     refuse,
+    simulator_clock,
 )
 from adatracker_wheeled.protocol.connection import Connection
 from adatracker_wheeled.sim.faults import ON_DEMAND
@@ -44,30 +44,30 @@ if TYPE_CHECKING:
     from adatracker_deploy.config.profile import Profile
     from adatracker_deploy.core.clock import Clock
     from adatracker_wheeled.protocol.frames import CanFrame
-    from adatracker_wheeled.sim.simulator import FarEnd
+    from adatracker_wheeled.sim.simulator import Simulator
 
 STOP_TIMEOUT_S = 15.0
-"""The far end gives up on coming to rest a little sooner by itself (`far_end.LINGER_S`)."""
+"""The simulator gives up on coming to rest a little sooner by itself (`simulator.LINGER_S`)."""
 CHANNEL = "can0"
 """The bus's name behind the simulated socketcand; it takes any."""
 
 
 class WheeledSitl(Sitl):
-    """Starts the far end on free ports."""
+    """Starts the simulator on free ports."""
 
     faults = ON_DEMAND
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
-        self._process = FarEndProcess("adatracker_wheeled.sim.sitl", "simulated base", STOP_TIMEOUT_S)
+        self._process = SimulatorProcess("adatracker_wheeled.sim.sitl", "simulated base", STOP_TIMEOUT_S)
 
     @property
     def pid(self) -> int | None:
-        """The far end's process id; None while there is none."""
+        """The simulator's process id; None while there is none."""
         return self._process.pid
 
     def start(self, clock: Clock, scenario: Scenario) -> Profile:
-        """Start the far end and wait until it is up; its camera shows its own world.
+        """Start the simulator and wait until it is up; its camera shows its own world.
 
         Raises:
             UsageError: the profile cannot be simulated, or the sitl extra is missing.
@@ -103,12 +103,12 @@ class WheeledSitl(Sitl):
         self._process.close()
 
     def order(self, line: str) -> None:
-        """Pass an order on to the far end."""
+        """Pass an order on to the simulator."""
         self._process.order(line)
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the far end until it is told to end; return the exit status."""
+    """Run the simulator until it is told to end; return the exit status."""
     args = _arguments().parse_args(argv)
     try:
         _require_libraries()
@@ -120,24 +120,24 @@ def main(argv: list[str] | None = None) -> int:
 def _run(args: argparse.Namespace) -> int:
     from adatracker_deploy.sim.rehearsal import film
     from adatracker_wheeled.sim.camera import FailingCamera
-    from adatracker_wheeled.sim.simulator import FarEnd
+    from adatracker_wheeled.sim.simulator import Simulator
 
     _check_ports(args)
     connection, settings, rate_hz = _described(args)
-    clock = far_end_clock(args)
+    clock = simulator_clock(args)
     scenario = Scenario(scene=args.scene, target_speed_m_s=args.target_speed, seed=args.seed)
-    orders = Orders()
-    ended = lifeline(args, orders)
+    orders = FaultCommands()
+    ended = parent_watchdog(args, orders)
     with contextlib.ExitStack() as stack:
-        far_end = FarEnd(connection.roles, settings, scenario, clock, orders)
-        send, port = _bus(args, connection, far_end, orders, stack)
-        camera = FailingCamera(args.camera_port, far_end.rehearsal.go)
+        simulator = Simulator(connection.roles, settings, scenario, clock, orders)
+        send, port = _bus(args, connection, simulator, orders, stack)
+        camera = FailingCamera(args.camera_port, simulator.rehearsal.go)
         stack.callback(camera.close)
-        orders.listen(camera.suffer)
-        film(far_end.rehearsal, clock, rate_hz, camera.publish, ended)
-        announce(port=port, camera=camera.url)
+        orders.listen(camera.apply_faults)
+        film(simulator.rehearsal, clock, rate_hz, camera.publish, ended)
+        announce_ready(port=port, camera=camera.url)
         stack.enter_context(contextlib.suppress(KeyboardInterrupt))
-        far_end.serve(send, ended)
+        simulator.serve(send, ended)
     return 0
 
 
@@ -162,8 +162,8 @@ def _described(args: argparse.Namespace) -> tuple[Connection, SitlSettings, floa
 def _bus(
     args: argparse.Namespace,
     connection: Connection,
-    far_end: FarEnd,
-    orders: Orders,
+    simulator: Simulator,
+    orders: FaultCommands,
     stack: contextlib.ExitStack,
 ) -> tuple[Callable[[CanFrame], object], int]:
     """Return how the base puts frames on its bus, and the TCP port of that bus, if it has one."""
@@ -171,13 +171,13 @@ def _bus(
         from adatracker_wheeled.protocol.bus import Bus
 
         on_it = dataclasses.replace(connection, interface=args.interface, channel=args.channel)
-        bus = Bus.open(on_it, lambda frame: far_end.hear(frame) if frame else None)
+        bus = Bus.open(on_it, lambda frame: simulator.hear(frame) if frame else None)
         stack.callback(bus.close)
         return bus.send, 0
     from adatracker_wheeled.sim.socketcand import SocketcandServer
 
     try:
-        server = SocketcandServer(args.port, far_end.hear, args.rehearsal_token)
+        server = SocketcandServer(args.port, simulator.hear, args.rehearsal_token)
     except OSError as error:
         raise UsageError(f"TCP port {args.port}: {error.strerror}; give another with --port") from error
     stack.callback(server.close)

@@ -1,4 +1,4 @@
-"""A small socketcand: a CAN bus over TCP, for the simulated far end.
+"""A small socketcand: a CAN bus over TCP, for the simulator.
 
 It speaks what socketcand's clients use in raw mode (github.com/linux-can/socketcand, doc/protocol.md): every
 frame that one sends is seen by all the others, as on a bus. Lines are parsed by `Parser`, which is pure.
@@ -112,7 +112,7 @@ class SocketcandServer:
     Args:
         port: TCP port; 0 takes any free one.
         hear: called in the server's thread with each frame that a client sends.
-        token: said to whoever asks with ``< rehearsal >``, so that a rehearsal knows its own far end.
+        token: said to whoever asks with ``< rehearsal >``, so that a rehearsal knows its own simulator.
 
     Raises:
         OSError: the port is in use.

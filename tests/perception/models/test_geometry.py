@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from adatracker_deploy.perception.boxes import best_apart, clipped, from_centres, overlap
+from adatracker_deploy.perception.boxes import clipped, from_centres, non_maximum_suppression, overlap
 from adatracker_deploy.perception.models.image_input import in_boxes
 from adatracker_deploy.perception.models.picture import Preparation, fit, prepare
 
@@ -40,7 +40,7 @@ def test_no_two_boxes_of_one_class_stay_that_overlap_by_more(boxes, iou, data):
     n = len(boxes)
     scores = data.draw(arrays(np.float32, n, elements=st.floats(0, 1, width=32)))
     classes = data.draw(arrays(np.intp, n, elements=st.integers(0, 2)))
-    kept = best_apart(boxes, scores, classes, iou)
+    kept = non_maximum_suppression(boxes, scores, classes, iou)
     assert (np.diff(scores[kept]) <= 0).all()
     shared = overlap(boxes[kept], boxes[kept])
     same = classes[kept][:, None] == classes[kept][None, :]

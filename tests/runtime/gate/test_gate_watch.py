@@ -9,7 +9,7 @@ from gate_rig import LIMITS, WELL, Gate
 
 from adatracker_deploy.core.geometry import Pose
 from adatracker_deploy.core.messages import ZERO, PlatformState, Twist
-from adatracker_deploy.runtime.gate import Reason, Stage, Stop, unwatched
+from adatracker_deploy.runtime.gate import Reason, Stage, Stop, unmonitored
 from adatracker_deploy.runtime.gate.place import STRAY_M
 
 GO = Twist(1.0, yaw_rate=0.5)
@@ -220,7 +220,7 @@ def test_what_the_robot_does_not_tell_stops_nothing_and_is_listed():
     gate = Gate()
     assert gate.cruise(GO, pose=None, velocity=None, battery=None).twist == GO
     assert gate.state.stop is None
-    assert unwatched(LIMITS, WELL) == ()
-    assert unwatched(LIMITS, silent) == (Reason.GEOFENCE, Reason.ALTITUDE, Reason.BATTERY)
+    assert unmonitored(LIMITS, WELL) == ()
+    assert unmonitored(LIMITS, silent) == (Reason.GEOFENCE, Reason.ALTITUDE, Reason.BATTERY)
     ground = Gate(altitude_m=None, switched_off=("battery",)).limits
-    assert unwatched(ground, silent) == (Reason.GEOFENCE,)
+    assert unmonitored(ground, silent) == (Reason.GEOFENCE,)

@@ -11,10 +11,10 @@ import subprocess
 import sys
 
 import pytest
-from adatracker_wheeled.platform import WheeledPlatform
 
 from adatracker_deploy.core.errors import PlatformError
-from adatracker_deploy.sim.process import FarEndProcess
+from adatracker_deploy.sim.process import SimulatorProcess
+from adatracker_wheeled.platform import WheeledPlatform
 from tests.wheeled.uml.driver import CRUISE, PERIOD_NS, scout_on
 from tests.wheeled.uml.interfaces import add_vcan, remove, set_up
 from tests.wheeled.uml.live_base import CLOCK, LiveBase
@@ -68,17 +68,17 @@ def test_a_base_is_engaged_driven_held_and_disengaged(base, platform):
     base.wait_until(lambda: base.base.mode == "standby", WAIT_S)
 
 
-def test_the_far_end_that_is_started_by_hand_serves_a_vcan():
-    far_end = FarEndProcess("adatracker_wheeled.sim.sitl", "simulated base")
+def test_the_simulator_that_is_started_by_hand_serves_a_vcan():
+    simulator = SimulatorProcess("adatracker_wheeled.sim.sitl", "simulated base")
     try:
-        far_end.start(CLOCK, ["--profile", "scout", "--interface", "socketcan", "--channel", "vcan0"])
+        simulator.start(CLOCK, ["--profile", "scout", "--interface", "socketcan", "--channel", "vcan0"])
         with WheeledPlatform(scout_on("vcan0"), CLOCK) as platform:
             platform.connect()
             platform.engage()
             drive(platform, lambda: platform.state().velocity.vx > 0.9 * CRUISE.vx)
             platform.disengage()
     finally:
-        far_end.close()
+        simulator.close()
 
 
 def take_down():

@@ -1,4 +1,4 @@
-"""The simulated far end: a rover behind a UDP port of this machine, in a process of its own.
+"""The simulator: a rover behind a UDP port of this machine, in a process of its own.
 
 `RoverSitl` starts it for a rehearsal; by hand: ``python -m adatracker_rover.sitl --port 5005``.
 """
@@ -19,13 +19,13 @@ from adatracker_deploy.core.faults import ROBOT_SILENT
 from adatracker_deploy.platform import Sitl
 from adatracker_deploy.runtime.pacer import Pacer
 from adatracker_deploy.sim.process import (
-    FarEndProcess,
-    Orders,
+    FaultCommands,
+    SimulatorProcess,
     add_arguments,
-    announce,
-    far_end_clock,
-    lifeline,
+    announce_ready,
+    parent_watchdog,
     refuse,
+    simulator_clock,
 )
 
 from adatracker_rover.firmware import Rover
@@ -45,13 +45,13 @@ _MOST_DATAGRAMS = 100
 
 
 class RoverSitl(Sitl):
-    """Starts the far end on a free port, whatever the profile's address: rehearsals never collide."""
+    """Starts the simulator on a free port, whatever the profile's address: rehearsals never collide."""
 
     faults = (ROBOT_SILENT,)
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
-        self._process = FarEndProcess("adatracker_rover.sitl", "simulated rover")
+        self._process = SimulatorProcess("adatracker_rover.sitl", "simulated rover")
 
     def start(self, clock: Clock, scenario: Scenario) -> Profile:
         """Start the process; return the profile with its address, and a camera drawn from the rover's pose.
@@ -77,10 +77,14 @@ class RoverSitl(Sitl):
 
 
 def serve(
-    rover: Rover, wire: socket.socket, clock: Clock, ended: threading.Event, orders: Orders | None = None
+    rover: Rover,
+    wire: socket.socket,
+    clock: Clock,
+    ended: threading.Event,
+    orders: FaultCommands | None = None,
 ) -> None:
     """Run the rover until `ended` is set and it is at rest; reports go to whoever asked last."""
-    orders = orders or Orders()
+    orders = orders or FaultCommands()
     wire.setblocking(False)
     pacer = Pacer(clock, RATE_HZ)
     host: tuple[str, int] | None = None
@@ -98,13 +102,13 @@ def serve(
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the far end until it is told to end; return the exit status."""
+    """Run the simulator until it is told to end; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m adatracker_rover.sitl", description="A simulated rover.")
     parser.add_argument("--port", type=int, default=0, help="UDP port on 127.0.0.1; 0 for any free one")
     parser.add_argument("--settings", default="{}", help="the profile's sitl: section, as JSON")
     add_arguments(parser)
     args = parser.parse_args(argv)
-    clock = far_end_clock(args)
+    clock = simulator_clock(args)
     try:
         settings = parse(SitlSettings, json.loads(args.settings), where="settings")
         wire = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -114,9 +118,9 @@ def main(argv: list[str] | None = None) -> int:
     except OSError as error:
         return refuse(UsageError(f"UDP port {args.port}: {error.strerror}; give another --port"))
     with wire, contextlib.suppress(KeyboardInterrupt):
-        orders = Orders()
-        ended = lifeline(args, orders)
-        announce(port=wire.getsockname()[1])
+        orders = FaultCommands()
+        ended = parent_watchdog(args, orders)
+        announce_ready(port=wire.getsockname()[1])
         serve(Rover(settings, args.seed, clock.now_ns() / 1e9, clock.speed), wire, clock, ended, orders)
     return 0
 

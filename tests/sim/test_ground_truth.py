@@ -9,12 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from adatracker_deploy.core.messages import ZERO, Twist
-from adatracker_deploy.sim.witness import Account, Told, Witness, read_witness
+from adatracker_deploy.sim.ground_truth import Account, GroundTruthRecorder, Told, read_witness
 
 
 def test_what_two_processes_write_is_one_story(tmp_path):
     path = tmp_path / "witness.txt"
-    robot, tracker = Witness(path), Witness(path)
+    robot, tracker = GroundTruthRecorder(path), GroundTruthRecorder(path)
     robot.command(Twist(0.5, 0.0, 0.1, -0.25))
     tracker.fault("link_drop", begins=True)
     robot.speed(0.48)
@@ -41,7 +41,7 @@ def test_what_two_processes_write_is_one_story(tmp_path):
 
 def test_one_without_a_file_and_one_that_was_closed_write_nothing(tmp_path):
     path = tmp_path / "witness.txt"
-    for witness in (Witness(), Witness(path)):
+    for witness in (GroundTruthRecorder(), GroundTruthRecorder(path)):
         witness.close()
         witness.close()
         witness.command(Twist(1.0))
@@ -70,14 +70,14 @@ def test_rubbish_is_no_story_and_no_error(text):
 
 def test_a_flight_its_phases_and_who_is_who_are_read_as_they_were_written(tmp_path):
     path = tmp_path / "witness.txt"
-    witness = Witness(path)
+    witness = GroundTruthRecorder(path)
     witness.process("robot")
     witness.phase("climbing")
     for armed in (False, True, True):  # only changes are written
         witness.mode("TAKEOFF", armed=armed)
     witness.flight(0.8, 1.25)
     witness.speed(0.4)
-    witness.suffers("link_drop")
+    witness.record_fault("link_drop")
     witness.stood(0.104)
     witness.close()
     account = read_witness(path.read_text())

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from adatracker_deploy.policy.base import Policy
 
 
-class Cadence:
+class RateAdapter:
     """Ticks from the first observation on; each tick takes the newest observation, unless it is too old."""
 
     def __init__(self, policy: Policy) -> None:

@@ -12,7 +12,7 @@ A line a moment: machine time (`time.monotonic_ns`, the same in every process), 
     81516380217755 begin camera_freeze              as soon as it has
     81518380411902 end camera_freeze
     81518380500000 stood 0.104                      the tracker's interpreter has stood still for so long, s
-    81519990332047 off                              the far end has ended, its robot at rest
+    81519990332047 off                              the simulator has ended, its robot at rest
 
 Each line is one write at the file's end, so that several processes share the file.
 """
@@ -36,7 +36,7 @@ STILL = 1e-3
 """m/s and rad/s: less than this is no motion command; a CAN frame's smallest is 0.001."""
 
 
-class Witness:
+class GroundTruthRecorder:
     """Appends what happens to a file; one without a file keeps it to itself.
 
     Args:
@@ -68,7 +68,7 @@ class Witness:
             self._mode = (name, armed)
             self._write(f"mode {name} {'armed' if armed else 'disarmed'}")
 
-    def suffers(self, name: str) -> None:
+    def record_fault(self, name: str) -> None:
         """Note that the robot suffers a fault from now on."""
         self._write(f"suffers {name}")
 
@@ -89,7 +89,7 @@ class Witness:
         self._write(f"{'begin' if begins else 'end'} {name}")
 
     def off(self) -> None:
-        """Note that the robot is at rest and its far end ends."""
+        """Note that the robot is at rest and its simulator ends."""
         self._write("off")
 
     def close(self) -> None:
@@ -141,7 +141,7 @@ class Account:
     faults: tuple[tuple[int, str, bool], ...] = ()
     """(time, name, whether it begins)."""
     off: bool = False
-    """The far end has ended in order."""
+    """The simulator has ended in order."""
     flight: tuple[Flying, ...] = ()
     modes: tuple[tuple[int, str, bool], ...] = ()
     """(time, mode of flight, whether its motors may turn)."""

@@ -1,4 +1,4 @@
-"""A far end that outlives its runs is reached by a file, takes orders from each, and is left to its owner."""
+"""A simulator that outlives its runs is reached by a file, takes orders from each, and is its owner's."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ import threading
 import pytest
 
 from adatracker_deploy.core.faults import LINK_DROP
-from adatracker_deploy.faults.running_far_end import RunningFarEnd, serving
+from adatracker_deploy.faults.running_simulator import RunningFarEnd, serving
 from adatracker_deploy.platform import Scenario, Sitl
 from adatracker_deploy.testing.fake import FakePlatform, fake_profile
 
 
 class Ordered(Sitl):
-    """A far end that keeps what it is ordered."""
+    """A simulator that keeps what it is ordered."""
 
     faults = (LINK_DROP,)
 
@@ -38,16 +38,18 @@ class Ordered(Sitl):
 @pytest.mark.timeout(30)
 def test_two_runs_meet_the_same_robot(tmp_path, monkeypatch):
     profile = fake_profile()
-    far_end = Ordered(profile)
-    monkeypatch.setattr(FakePlatform, "sitl", lambda _: far_end)
+    simulator = Ordered(profile)
+    monkeypatch.setattr(FakePlatform, "sitl", lambda _: simulator)
     with serving(FakePlatform, profile, Scenario(), tmp_path) as (file, witness):
         for number in (1, 2):
             with RunningFarEnd(file, FakePlatform, profile) as run:
                 assert run.start(None, Scenario()).camera.uri == "http://127.0.0.1:4711/stream"
                 assert (run.faults, run.witness) == ((LINK_DROP,), witness)
                 run.order(f"begin {number}")
-            with far_end.news:
-                assert far_end.news.wait_for(lambda number=number: f"begin {number}" in far_end.orders, 10)
-        assert not far_end.closed
-    assert far_end.closed
-    assert far_end.orders == [f"witness {witness.resolve()}", "begin 1", "begin 2"]
+            with simulator.news:
+                assert simulator.news.wait_for(
+                    lambda number=number: f"begin {number}" in simulator.orders, 10
+                )
+        assert not simulator.closed
+    assert simulator.closed
+    assert simulator.orders == [f"witness {witness.resolve()}", "begin 1", "begin 2"]

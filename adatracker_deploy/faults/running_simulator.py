@@ -1,7 +1,7 @@
-"""A far end that outlives the runs against it, so that a second run meets the robot as the first one left it.
+"""A simulator that outlives its runs: a second run meets the robot as the first one left it.
 
-The fault matrix starts it (`serving`) and tells a run by a file how to reach it; the run takes it in a far
-end's place (`RunningFarEnd`), with the faults of one.
+The fault matrix starts it (`serving`) and tells a run by a file how to reach it; the run takes it in a
+simulator 's place (`RunningFarEnd`), with the faults of one.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ if TYPE_CHECKING:
     from adatracker_deploy.core.clock import Clock
     from adatracker_deploy.platform import Platform, Scenario
 
-_FILE, _ORDERS, _WITNESS = "far_end.json", "orders", "witness.txt"
+_FILE, _ORDERS, _WITNESS = "simulator.json", "orders", "witness.txt"
 
 
 @contextlib.contextmanager
 def serving(
     platform: type[Platform], profile: Profile, scenario: Scenario, folder: Path
 ) -> Iterator[tuple[Path, Path]]:
-    """Start a far end; give the file for ``--far-end`` and the one that its witness writes.
+    """Start a simulator; give the file for ``--simulator`` and the one that its witness writes.
 
     Args:
         platform: the robot.
@@ -71,7 +71,7 @@ def serving(
 
 
 class RunningFarEnd(Sitl):
-    """Stands in a far end's place in the run that is pointed to it.
+    """Stands in a simulator's place in the run that is pointed to it.
 
     Args:
         file: which `serving` wrote.

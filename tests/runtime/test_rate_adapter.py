@@ -7,7 +7,7 @@ import pytest
 
 from adatracker_deploy.core.messages import Action, Observation
 from adatracker_deploy.policy.base import FORWARD_YAW, PolicyInfo
-from adatracker_deploy.runtime.cadence import Cadence
+from adatracker_deploy.runtime.rate_adapter import RateAdapter
 
 
 class Counting:
@@ -29,7 +29,7 @@ class Counting:
 def looked(rate_hz, frames, start_ns=123_456_789):
     """Return what a policy was given along so many frames, and the number that came out with each."""
     policy = Counting()
-    cadence = Cadence(policy)
+    cadence = RateAdapter(policy)
     actions = [cadence.act(at(start_ns + round(seq * 1e9 / rate_hz), seq)) for seq in range(frames)]
     return policy.given, [None if action is None else int(action.values[0]) for action in actions]
 
@@ -63,7 +63,7 @@ def test_a_minute_of_film_has_twenty_ticks_a_second(rate_hz):
 
 def test_after_a_gap_the_policy_was_not_asked_about_what_was_too_old():
     policy = Counting()
-    cadence = Cadence(policy)
+    cadence = RateAdapter(policy)
     cadence.act(at(0, 1))
     cadence.act(at(1_000_000_000, 2))
     assert policy.given == [1] * 5 + [2]  # ticks from 0 to 0.2 s, and that at 1.0 s
