@@ -4,36 +4,17 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
-import sysconfig
-import venv
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+from tests.installed import ROOT, install_wheel
 
 
 @pytest.fixture(scope="module")
 def command(tmp_path_factory):
     """The command of a wheel installed into a virtual environment that borrows the tests' dependencies."""
-    folder = tmp_path_factory.mktemp("wheel")
-    subprocess.run(
-        [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation", "-w", folder, ROOT],
-        check=True,
-    )
-    (wheel,) = folder.glob("*.whl")
-    environment = folder / "environment"
-    venv.create(environment, with_pip=False, symlinks=True)
-    scheme = {"base": str(environment), "platbase": str(environment)}
-    site = Path(sysconfig.get_path("purelib", "venv", scheme))
-    install = [sys.executable, "-m", "pip", "--python", environment / "bin" / "python", "install"]
-    subprocess.run([*install, "-q", "--no-deps", "--no-index", wheel], check=True)
-    # Everything but this project, whose editable install must not be found, is there as if installed.
-    for entry in Path(sysconfig.get_path("purelib")).iterdir():
-        if "adatracker" not in entry.name and entry.suffix != ".pth" and not (site / entry.name).exists():
-            (site / entry.name).symlink_to(entry)
-    return environment / "bin" / "adatracker-deploy"
+    return install_wheel(tmp_path_factory.mktemp("wheel")) / "bin" / "adatracker-deploy"
 
 
 def run(command: Path, folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:

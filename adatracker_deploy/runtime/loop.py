@@ -118,10 +118,8 @@ class Loop:
             self._write(trace.settled(status))
             if action:
                 fresh_ns, lost = tick.t_ns, 0 if box else lost + 1
-            if lost >= MAX_LOST_STEPS:
-                return Ending("lost", f"the target was not seen for {lost} steps")
-            if seen.frame.truth is not None and seen.frame.truth.collided:
-                return Ending("collision", "the robot touched an obstacle or a person")
+            if ending := _result(lost, seen):
+                return ending
         return Ending("completed")
 
     def _write(self, ticks: list[Handed]) -> None:
@@ -140,7 +138,7 @@ class Loop:
         return None
 
     def _blind(self, tick: Tick, seen: Seen, fresh_ns: int) -> Ending | None:
-        """Say why what is seen is too old to go on; None if it is not. The last acted on was at `fresh_ns`."""
+        """Say why what is seen is too old to go on; the last frame that was acted on was at `fresh_ns`."""
         age_s = self._age_s(tick, seen)
         if age_s > BLIND_S:
             return Ending("safety_stop", f"no new camera frame for {age_s:.1f} s")
@@ -169,6 +167,15 @@ class Loop:
     def _age_s(self, tick: Tick, seen: Seen) -> float:
         """Age of the observation in machine time: a stall is a stall however fast the rehearsal."""
         return (tick.t_ns - seen.frame.t_ns) / 1e9 / self.clock.speed
+
+
+def _result(lost: int, seen: Seen) -> Ending | None:
+    """Say how the trial has ended by the task's own rules; None while it goes on."""
+    if lost >= MAX_LOST_STEPS:
+        return Ending("lost", f"the target was not seen for {lost} steps")
+    if seen.frame.truth is not None and seen.frame.truth.collided:
+        return Ending("collision", "the robot touched an obstacle or a person")
+    return None
 
 
 def _latency(tick: Tick, seen: Seen, infer_ms: float, handed_ns: int) -> Latency:

@@ -1,11 +1,36 @@
-"""The simulated world that rehearsal and learning share: scenes, people, ray-cast camera, bodies, episodes.
+"""The simulator: the world that rehearsal and learning share, and what every robot's simulator is made of.
 
-`caster` is the only module that imports MuJoCo, when the first world is built; `stage` puts a scene before it
-and `camera` renders that. `world` puts it all together, `bodies` is what moves in it, `task` is the paper's
+A robot's package imports the names below. `process` runs a simulator beside the trial, `ground_truth` is what
+it writes of itself, `bodies` is what moves. `caster` alone imports MuJoCo, when the first world is built;
+`stage` puts a scene before it, `camera` renders that, `world` puts it all together; `task` is the paper's
 episode with its rules, and `episode` runs a policy through one in lock-step, without a wire.
 """
 
+from adatracker_deploy.sim.bodies import DriveSettings, KinematicBody
+from adatracker_deploy.sim.process import (
+    FaultCommands,
+    SimulatorProcess,
+    add_arguments,
+    announce_ready,
+    parent_watchdog,
+    refuse,
+    simulator_clock,
+)
 from adatracker_deploy.sim.scenes import describe_scenes, scene_names
 from adatracker_deploy.sim.world import World, check_scene
 
-__all__ = ["World", "check_scene", "describe_scenes", "scene_names"]
+__all__ = [
+    "DriveSettings",
+    "FaultCommands",
+    "KinematicBody",
+    "SimulatorProcess",
+    "World",
+    "add_arguments",
+    "announce_ready",
+    "check_scene",
+    "describe_scenes",
+    "parent_watchdog",
+    "refuse",
+    "scene_names",
+    "simulator_clock",
+]

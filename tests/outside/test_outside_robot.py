@@ -1,4 +1,4 @@
-"""A robot from outside, installed beside the toolkit, is found, rehearsed and held to every promise."""
+"""A robot from outside, installed beside the toolkit's wheel, is found, rehearsed and conforms."""
 
 from __future__ import annotations
 
@@ -7,13 +7,12 @@ import os
 import re
 import subprocess
 import sys
-import sysconfig
-import venv
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
+from tests.installed import ROOT, install_wheel
+
 GUIDE = ROOT / "docs" / "add-a-robot.md"
 
 
@@ -28,14 +27,8 @@ def project(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def run(project):
-    """Run a module in a fresh virtual environment that has the toolkit and, installed, the copy."""
-    environment = project.parent / "environment"
-    venv.create(environment, with_pip=False, symlinks=True)
-    scheme = {"base": str(environment), "platbase": str(environment)}
-    site = Path(sysconfig.get_path("purelib", "venv", scheme))
-    # A .pth in a folder that is itself named in a .pth is not read; `addsitedir` reads it: the toolkit may
-    # be installed editable here.
-    (site / "toolkit.pth").write_text(f"import site; site.addsitedir({sysconfig.get_path('purelib')!r})\n")
+    """Run a module in a environment that has the toolkit's wheel and the copy, both installed."""
+    environment = install_wheel(project.parent)
 
     def run(*arguments: str, folder: Path = project) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
@@ -59,6 +52,14 @@ def test_it_is_listed_with_its_profile(run, tmp_path):
         listed = run("adatracker_deploy", what, "--json", folder=tmp_path)
         assert listed.returncode == 0, listed.stderr
         assert text in json.loads(listed.stdout)[what]["mybot"]
+
+
+def test_it_imports_the_public_interface_alone():
+    sources = list((ROOT / "examples" / "rover").rglob("*.py"))
+    imported = {name for path in sources for name in re.findall(r"adatracker_deploy[.\w]*", path.read_text())}
+    public = {"adatracker_deploy", "adatracker_deploy.sim", "adatracker_deploy.testing.conformance"}
+    assert len(sources) > 10
+    assert imported == public
 
 
 @pytest.mark.slow

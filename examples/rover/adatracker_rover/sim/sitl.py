@@ -1,6 +1,6 @@
 """The simulator: a rover behind a UDP port of this machine, in a process of its own.
 
-`RoverSitl` starts it for a rehearsal; by hand: ``python -m adatracker_rover.sitl --port 5005``.
+`RoverSitl` starts it for a rehearsal; by hand: ``python -m adatracker_rover.sim.sitl --port 5005``.
 """
 
 from __future__ import annotations
@@ -13,12 +13,8 @@ import socket
 import sys
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.config.schema import parse
-from adatracker_deploy.core.errors import UsageError
-from adatracker_deploy.core.faults import ROBOT_SILENT
-from adatracker_deploy.platform import Sitl
-from adatracker_deploy.runtime.pacer import Pacer
-from adatracker_deploy.sim.process import (
+from adatracker_deploy import ROBOT_SILENT, Pacer, Sitl, UsageError, parse
+from adatracker_deploy.sim import (
     FaultCommands,
     SimulatorProcess,
     add_arguments,
@@ -28,15 +24,13 @@ from adatracker_deploy.sim.process import (
     simulator_clock,
 )
 
-from adatracker_rover.firmware import Rover
-from adatracker_rover.settings import SitlSettings
+from adatracker_rover.sim.firmware import Rover
+from adatracker_rover.sim.settings import SitlSettings
 
 if TYPE_CHECKING:
     import threading
 
-    from adatracker_deploy.config.profile import Profile
-    from adatracker_deploy.core.clock import Clock
-    from adatracker_deploy.platform import Scenario
+    from adatracker_deploy import Clock, Profile, Scenario
 
 RATE_HZ = 50.0
 """Of the rover's control loop and of its reports."""
@@ -51,7 +45,7 @@ class RoverSitl(Sitl):
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
-        self._process = SimulatorProcess("adatracker_rover.sitl", "simulated rover")
+        self._process = SimulatorProcess("adatracker_rover.sim.sitl", "simulated rover")
 
     def start(self, clock: Clock, scenario: Scenario) -> Profile:
         """Start the process; return the profile with its address, and a camera drawn from the rover's pose.
@@ -103,7 +97,9 @@ def serve(
 
 def main(argv: list[str] | None = None) -> int:
     """Run the simulator until it is told to end; return the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m adatracker_rover.sitl", description="A simulated rover.")
+    parser = argparse.ArgumentParser(
+        prog="python -m adatracker_rover.sim.sitl", description="A simulated rover."
+    )
     parser.add_argument("--port", type=int, default=0, help="UDP port on 127.0.0.1; 0 for any free one")
     parser.add_argument("--settings", default="{}", help="the profile's sitl: section, as JSON")
     add_arguments(parser)

@@ -9,24 +9,18 @@ from __future__ import annotations
 import contextlib
 import enum
 import threading
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.core.errors import PlatformError
-from adatracker_deploy.core.messages import PlatformState, Twist
-from adatracker_deploy.platform import Body, Check, Platform, Sitl
+from adatracker_deploy import Check, Platform, PlatformError, PlatformState, Twist
 
-from adatracker_rover.body import RoverBody
-from adatracker_rover.protocol import Ask, Mode, Report, Request, quantise
-from adatracker_rover.settings import Connection, SitlSettings
-from adatracker_rover.sitl import RoverSitl
-from adatracker_rover.wire import Wire
+from adatracker_rover.adapter.transport import Wire
+from adatracker_rover.protocol.connection import Connection
+from adatracker_rover.protocol.messages import Ask, Mode, Report, Request, quantise
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from adatracker_deploy.config.profile import Profile
-    from adatracker_deploy.core.clock import Clock
+    from adatracker_deploy import Clock, Profile
 
 LONGEST_TIMEOUT_S = 0.5
 """At 1.5 m/s the rover rolls 0.75 m until its own time-out stops it, when all else has failed."""
@@ -46,15 +40,13 @@ class _Charge(enum.Enum):
     """It was ours and has not confirmed its stop."""
 
 
-class RoverPlatform(Platform):
+class RoverAdapter(Platform):
     """A rover behind UDP."""
 
     name = "rover"
     axes = frozenset({"vx", "yaw_rate"})
     Connection = Connection
-    SitlSettings = SitlSettings
     default_profile = "rover"
-    profile_dir = Path(__file__).parent / "profiles"
 
     def __init__(self, profile: Profile, clock: Clock) -> None:
         super().__init__(profile, clock)
@@ -175,16 +167,6 @@ class RoverPlatform(Platform):
         if wire is not None:
             wire.close()  # without the lock, which its thread may wait for
             self._heard = None
-
-    @classmethod
-    def body(cls, profile: Profile) -> Body:
-        """Return the rover's dynamics."""
-        return RoverBody(profile.sitl)
-
-    @classmethod
-    def sitl(cls, profile: Profile) -> Sitl:
-        """Return a simulated rover in a process of its own."""
-        return RoverSitl(profile)
 
     def _stop(self, reason: str, done: Callable[[Report], bool]) -> None:
         """Latch, and ask a rover that is ours to stop until it reports that it is `done`."""

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 
-from adatracker_deploy.core.geometry import Pose
-from adatracker_deploy.core.messages import ZERO
+from adatracker_deploy import ZERO, Pose
 
-from adatracker_rover.body import RoverBody
-from adatracker_rover.protocol import Ask, Mode, Report, decode_request, encode_report
-from adatracker_rover.settings import SitlSettings
+from adatracker_rover.protocol.messages import Ask, Mode, Report, decode_request, encode_report
+from adatracker_rover.sim.dynamics import RoverBody
+from adatracker_rover.sim.settings import SitlSettings
 
 
 class Rover:

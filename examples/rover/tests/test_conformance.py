@@ -2,7 +2,7 @@
 
 from typing import ClassVar
 
-from adatracker_deploy.core.messages import Twist
+from adatracker_deploy import Twist
 from adatracker_deploy.testing.conformance import PlatformConformance
 
 from adatracker_rover.platform import RoverPlatform
@@ -15,4 +15,4 @@ class TestRover(PlatformConformance):
         Twist(vx=0.5): "52 51 02 00 f4 01 00 00",  # forward, mm/s
         Twist(yaw_rate=0.2): "52 51 02 00 00 00 c8 00",  # counter-clockwise, mrad/s
     }
-    says = "adatracker_rover.wire:encode_request"
+    says = "adatracker_rover.adapter.transport:encode_request"

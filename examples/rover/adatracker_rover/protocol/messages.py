@@ -16,8 +16,7 @@ import enum
 import struct
 from dataclasses import dataclass
 
-from adatracker_deploy.core.geometry import Pose
-from adatracker_deploy.core.messages import ZERO, Twist
+from adatracker_deploy import ZERO, Pose, Twist
 
 _REQUEST = struct.Struct("<2sBxhh")
 _REPORT = struct.Struct("<2sBBHiihhh")

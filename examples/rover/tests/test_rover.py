@@ -6,16 +6,14 @@ import socket
 import threading
 
 import pytest
-from adatracker_deploy.core.clock import MonotonicClock
-from adatracker_deploy.core.errors import PlatformError, UsageError
-from adatracker_deploy.core.messages import ZERO, Twist
-from adatracker_deploy.registry import load_profile
+from adatracker_deploy import ZERO, MonotonicClock, PlatformError, Twist, UsageError, load_profile
 
-from adatracker_rover.firmware import Rover
 from adatracker_rover.platform import RoverPlatform
-from adatracker_rover.protocol import Ask, Mode, Request, encode_request
-from adatracker_rover.settings import Connection, SitlSettings
-from adatracker_rover.sitl import serve
+from adatracker_rover.protocol.connection import Connection
+from adatracker_rover.protocol.messages import Ask, Mode, Request, encode_request
+from adatracker_rover.sim.firmware import Rover
+from adatracker_rover.sim.settings import SitlSettings
+from adatracker_rover.sim.sitl import serve
 
 
 @contextlib.contextmanager

@@ -6,11 +6,10 @@ import dataclasses
 import math
 import random
 
-from adatracker_deploy.core.geometry import Pose
-from adatracker_deploy.core.messages import Twist
-from adatracker_deploy.sim.bodies import KinematicBody
+from adatracker_deploy import Pose, Twist
+from adatracker_deploy.sim import KinematicBody
 
-from adatracker_rover.settings import SitlSettings
+from adatracker_rover.sim.settings import SitlSettings
 
 
 class RoverBody(KinematicBody):

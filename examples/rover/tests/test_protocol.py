@@ -3,12 +3,11 @@
 import math
 
 import pytest
-from adatracker_deploy.core.geometry import Pose
-from adatracker_deploy.core.messages import Twist
+from adatracker_deploy import Pose, Twist
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_rover.protocol import (
+from adatracker_rover.protocol.messages import (
     Ask,
     Mode,
     Report,

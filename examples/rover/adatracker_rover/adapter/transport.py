@@ -6,9 +6,9 @@ import socket
 import threading
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.core.errors import PlatformError, UsageError
+from adatracker_deploy import PlatformError, UsageError
 
-from adatracker_rover.protocol import Report, Request, decode_report, encode_request
+from adatracker_rover.protocol.messages import Report, Request, decode_report, encode_request
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -1,0 +1,1 @@
+"""What runs on a real robot; imports nothing of the simulator."""
