@@ -25,7 +25,7 @@ PAUSE_S = 0.1
 """A full collection of 600,000 objects takes 0.08 s."""
 _SLEEP = """
 import os, signal, sys, time
-from adatracker_deploy.runtime import pause
+from adatracker_deploy.core import pause
 path, lasts_s, *pids = sys.argv[1:]
 for pid in map(int, pids):
     os.kill(pid, signal.SIGSTOP)

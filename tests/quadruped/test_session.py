@@ -134,8 +134,8 @@ def test_nobody_can_make_a_session_hold_more_than_the_largest_image(connection):
 
 ROUTER = """
 import sys, zenoh
-from adatracker_quadruped.connection import Connection
-from adatracker_quadruped.session import zenoh_config
+from adatracker_quadruped.protocol.connection import Connection
+from adatracker_quadruped.protocol.session import zenoh_config
 with zenoh.open(zenoh_config(Connection(endpoint=sys.argv[1]), mode="router")) as session:
     commands = session.declare_subscriber("cmd_vel", zenoh.handlers.RingChannel(1))
     token = session.liveliness().declare_token("robot/alive")
@@ -145,8 +145,8 @@ with zenoh.open(zenoh_config(Connection(endpoint=sys.argv[1]), mode="router")) a
 
 DESERTER = """
 import sys, zenoh
-from adatracker_quadruped.connection import Connection
-from adatracker_quadruped.session import open_session
+from adatracker_quadruped.protocol.connection import Connection
+from adatracker_quadruped.protocol.session import open_session
 session = open_session(Connection(endpoint=sys.argv[1]))
 subscriber = session.declare_subscriber("odom", zenoh.handlers.RingChannel(1))
 token = session.liveliness().declare_token("adatracker/host")

@@ -126,8 +126,8 @@ def test_a_stop_while_engaging_ends_the_engage(clock):
 
 TRACKER = """
 import sys
-from adatracker_deploy.platform import Twist
-from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_deploy.core.messages import Twist
+from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.runtime.link import Phase
 from adatracker_deploy.runtime.link_process import LinkProcess
 from adatracker_deploy.testing.fake import FakePlatform, fake_profile

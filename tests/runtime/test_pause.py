@@ -39,7 +39,7 @@ def test_what_was_slept_has_not_passed_on_any_copy_of_the_clock(path, speed):
 
 
 def test_another_process_sees_it_too(path):
-    say = "import sys; from adatracker_deploy.runtime import pause; pause.add(sys.argv[1], int(sys.argv[2]))"
+    say = "import sys; from adatracker_deploy.core import pause; pause.add(sys.argv[1], int(sys.argv[2]))"
     for slept_ns in (SLEPT_NS, 5):
         subprocess.run([sys.executable, "-c", say, path, str(slept_ns)], check=True)
     assert pause.total_ns(path) == SLEPT_NS + 5

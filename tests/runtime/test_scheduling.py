@@ -186,7 +186,7 @@ def test_the_link_and_its_adapters_threads_have_it(scheduling):
 
 POWERLESS = """
 import os, resource, sys
-from adatracker_deploy.errors import UsageError
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.runtime.scheduling import Scheduling, obtained
 
 resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))

@@ -209,9 +209,9 @@ def test_a_simulator_that_is_frozen_is_noticed_and_does_not_move_when_it_wakes()
 
 DRIVER = """
 import json, sys, time
-from adatracker_deploy.platform import Twist
-from adatracker_deploy.profile import load_profile
-from adatracker_deploy.runtime.clock import MonotonicClock
+from adatracker_deploy.core.messages import Twist
+from adatracker_deploy.registry import load_profile
+from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_wheeled.platform import WheeledPlatform
 import dataclasses
 profile = load_profile("scout", WheeledPlatform)
