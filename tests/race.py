@@ -11,8 +11,8 @@ _AHEAD_NS = 20_000_000
 
 
 @contextlib.contextmanager
-def _racer(name, connection, *elsewhere):
-    command = [sys.executable, "-m", "tests.racer", name, json.dumps(connection), *elsewhere]
+def _racer(name, connection, *options):
+    command = [sys.executable, "-m", "tests.racer", name, json.dumps(connection), *options]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout.readline() == "here\n"
@@ -27,18 +27,18 @@ def _tell(racer, line):
     racer.stdin.flush()
 
 
-def race(name, connection, *elsewhere, starts=STARTS):
+def race(name, connection, *options, starts=STARTS):
     """Start two programs `starts` times; return what the two said, each time.
 
     Args:
         name: of the platform.
         connection: changes of its shipped profile's, with which they reach the robot.
-        elsewhere: ``--elsewhere`` for two machines.
+        options: ``--elsewhere`` for two machines, ``--connect-only``.
         starts: how often.
     """
     results = []
     with contextlib.ExitStack() as stack:
-        racers = [stack.enter_context(_racer(name, connection, *elsewhere)) for _ in range(2)]
+        racers = [stack.enter_context(_racer(name, connection, *options)) for _ in range(2)]
         for _ in range(starts):
             begin_ns = time.monotonic_ns() + _AHEAD_NS
             for racer in racers:

@@ -1,8 +1,9 @@
 """A program that would like to have a robot, again and again: two of them race for it.
 
-``python -m tests.racer PLATFORM CONNECTION.json [--elsewhere]``; a line on stdin is a moment, ns of the
-monotonic clock, at which it connects and engages. It answers ``owner`` or ``refused: WHY``, and lets go at
-the next line, which it answers with ``free``. With ``--elsewhere`` it is on another machine, say claims.
+``python -m tests.racer PLATFORM CONNECTION.json [--elsewhere] [--connect-only]``; a line on stdin is a
+moment, ns of the monotonic clock, at which it connects and engages. It answers ``owner`` or ``refused: WHY``, and lets go at
+the next line, which it answers with ``free``. With ``--elsewhere`` it is on another machine, say claims. With
+``--connect-only`` it does not engage: whose the robot is, is settled when it connects.
 """
 
 import dataclasses
@@ -16,10 +17,10 @@ from adatracker_deploy.registry import load_platform, load_profile
 from tests.other_machine import OfAnotherMachine
 
 
-def main(name, connection, *elsewhere):
+def main(name, connection, *options):
     cls = load_platform(name)
-    if elsewhere:
-        sys.modules[f"adatracker_{name}.wire"].Claim = OfAnotherMachine
+    if "--elsewhere" in options:
+        sys.modules[f"adatracker_{name}.adapter.transport"].Claim = OfAnotherMachine
     profile = load_profile(cls.default_profile, cls)
     profile = dataclasses.replace(
         profile, connection=dataclasses.replace(profile.connection, **json.loads(connection))
@@ -33,7 +34,8 @@ def main(name, connection, *elsewhere):
                 time.sleep(0.0005)
             try:
                 platform.connect()
-                platform.engage()
+                if "--connect-only" not in options:
+                    platform.engage()
                 print("owner", flush=True)
             except PlatformError as error:
                 print(f"refused: {error}", flush=True)

@@ -12,6 +12,7 @@ from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.messages import Twist
 from adatracker_drone.platform import DronePlatform
 from adatracker_drone.protocol.px4 import Mode
+from tests.race import owners, race
 
 pytestmark = pytest.mark.slow
 
@@ -156,29 +157,18 @@ def test_a_drone_that_has_an_owner_is_nobody_elses():
         assert platform.preflight()
 
 
-def test_two_starts_at_once_never_have_two_owners():
+@pytest.mark.slow
+def test_of_two_that_start_at_once_exactly_one_has_the_drone(measured):
     from test_platform_sitl import rehearsal_profile
 
-    for _ in range(5):
-        profile, clock = rehearsal_profile(), MonotonicClock()
-        profile = dataclasses.replace(profile, connection=dataclasses.replace(profile.connection))
-        drone = Watched(profile, clock)
-        owners, refused = [], []
-
-        def start(profile=profile, clock=clock, owners=owners, refused=refused):
-            platform = DronePlatform(profile, clock)
-            try:
-                platform.connect()
-                owners.append(platform)
-            except PlatformError as error:
-                refused.append(error)
-
-        threads = [threading.Thread(target=start) for _ in range(2)]
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join()
-        for owner in owners:
-            owner.close()
+    profile = rehearsal_profile()
+    drone = Watched(profile, MonotonicClock())
+    try:
+        results = race("drone", dataclasses.asdict(profile.connection), "--connect-only")
+    finally:
         drone.close()
-        assert (len(owners), len(refused)) == (1, 1)
+    counts = [len(owners(result)) for result in results]
+    measured(f"two starts at once for a drone: {counts.count(1)} of {len(counts)} with one owner")
+    assert counts == [1] * len(results), results
+    refused = [said for result in results for said in result if said != "owner"]
+    assert all("another program on this machine" in said for said in refused)

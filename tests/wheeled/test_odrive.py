@@ -1,6 +1,7 @@
 """Two ODrive axes: little-endian floats, one message a wheel."""
 
 import math
+import re
 import struct
 
 import pytest
@@ -9,6 +10,8 @@ from hypothesis import strategies as st
 from shipped_roles import codec_of, frame
 
 from adatracker_deploy.core.messages import Twist
+from adatracker_deploy.registry import load_profile, profile_dir
+from adatracker_wheeled.platform import WheeledPlatform
 from adatracker_wheeled.protocol.frames import CanFrame, Malformed, Reading
 
 TURN_M = 2 * math.pi * 0.085
@@ -117,3 +120,11 @@ def test_position_and_speed_travel_in_one_message():
     heard = [codec.parse(sent) for sent in frames][-1]
     assert heard.motion.vx == pytest.approx(0.4)
     assert heard.wheels_m == pytest.approx((1.0, 2.0))
+
+
+def test_whoever_sets_the_axes_up_is_told_the_baud_rate_that_the_profile_opens_the_bus_with():
+    """ODrive's own default is 250000, at which a bus of 500000 hears nothing but errors."""
+    text = (profile_dir() / "odrive_diff.yaml").read_text(encoding="utf-8")
+    bitrate = load_profile("odrive_diff", WheeledPlatform).connection.bitrate
+    told = re.findall(r"can\.config\.baud_rate (\d+)|type can bitrate (\d+)", text)
+    assert told == [(str(bitrate), ""), ("", str(bitrate))]
