@@ -1,9 +1,9 @@
 """A program that would like to have a robot, again and again: two of them race for it.
 
 ``python -m tests.racer PLATFORM CONNECTION.json [--elsewhere] [--connect-only]``; a line on stdin is a
-moment, ns of the monotonic clock, at which it connects and engages. It answers ``owner`` or ``refused: WHY``, and lets go at
-the next line, which it answers with ``free``. With ``--elsewhere`` it is on another machine, say claims. With
-``--connect-only`` it does not engage: whose the robot is, is settled when it connects.
+moment, ns of the monotonic clock, at which it connects and engages. It answers ``owner`` or ``refused: WHY``,
+and lets go at the next line, which it answers with ``free``. With ``--elsewhere`` it is on another machine,
+say claims. With ``--connect-only`` it does not engage: whose the robot is, is settled when it connects.
 """
 
 import dataclasses
