@@ -9,6 +9,7 @@ import time
 import pytest
 from packing import packer
 from pymavlink.dialects.v20 import common as mavlink
+from watched import until
 
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import PlatformError
@@ -77,6 +78,10 @@ def drive(platform, seconds):
         time.sleep(0.02)
 
 
+def link_check(platform):
+    return next(check for check in platform.preflight() if check.name == "link")
+
+
 def port_of(platform):
     return int(platform.profile.connection.url.rpartition(":")[2])
 
@@ -96,10 +101,8 @@ def test_a_foreign_drone_on_px4s_own_port_is_never_reached_and_the_rehearsal_fli
 def test_a_foreign_drone_on_the_rehearsals_own_port_keeps_it_from_arming():
     with rehearsal() as platform, contextlib.closing(Foreign(port_of(platform))) as foreign:
         platform.connect()
-        time.sleep(0.2)
-        (link,) = [check for check in platform.preflight() if check.name == "link"]
-        assert link.blocking
-        assert not link.ok
+        until(lambda: not link_check(platform).ok)
+        assert link_check(platform).blocking
         with pytest.raises(PlatformError, match="somebody else talks"):
             platform.engage()
         assert platform.state().landed
