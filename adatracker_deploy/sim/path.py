@@ -135,7 +135,7 @@ class RandomWalk:
         If none is free, return the furthest free point on the longest free path.
 
         Args:
-            clearance: where there is room.
+            clearance: the free space.
             ahead_rad: the centre of the search directions.
             spread_rad: largest deviation from it.
         """
