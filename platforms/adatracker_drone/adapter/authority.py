@@ -80,7 +80,7 @@ class ControlAuthority:
         """Take charge: from now on this side has to land the drone.
 
         Raises:
-            PlatformError: consent has gone.
+            PlatformError: consent was revoked.
         """
         with self._lock:
             self.require_consent()
@@ -114,7 +114,7 @@ class ControlAuthority:
         """Send a command that leads towards flight; from now on `modes` are expected too.
 
         Raises:
-            PlatformError: consent has gone.
+            PlatformError: consent was revoked.
         """
         with self._lock:
             self._require_alone(vehicle)
@@ -136,7 +136,7 @@ class ControlAuthority:
         """Send a zero set-point while engaging.
 
         Raises:
-            PlatformError: consent has gone.
+            PlatformError: consent was revoked.
         """
         with self._lock:
             self._require_alone(vehicle)
@@ -153,7 +153,7 @@ class ControlAuthority:
         """Allow commands: the vehicle was seen in OFFBOARD.
 
         Raises:
-            PlatformError: consent has gone, or the vehicle has left OFFBOARD already.
+            PlatformError: consent was revoked, or the vehicle has left OFFBOARD already.
         """
         with self._lock:
             self.expect(vehicle, "OFFBOARD")

@@ -75,7 +75,7 @@ class Manoeuvres:
         """Check that a flying drone hovers, without set-points, which would revive a lost OFFBOARD.
 
         Raises:
-            PlatformError: consent has gone, or it flies in another mode.
+            PlatformError: consent was revoked, or it flies in another mode.
         """
         holds = self.talk.wait(
             lambda: self.vehicle.heard.mode == "HOLD", _SWITCH_TIMEOUT_S, self._authority.require_consent
@@ -87,7 +87,7 @@ class Manoeuvres:
         """Arm and take off; return when the autopilot has ended its take-off by going to HOLD.
 
         Raises:
-            PlatformError: consent has gone, or the autopilot did not do what it was asked for.
+            PlatformError: consent was revoked, or the autopilot did not do what it was asked for.
         """
         vehicle, height_m = self.vehicle, self._connection.takeoff_altitude_m
         self.leave_offboard()
@@ -129,7 +129,7 @@ class Manoeuvres:
             proven_ns: when set-points will have gone out for long enough.
 
         Raises:
-            PlatformError: consent has gone, or the autopilot does not go to OFFBOARD.
+            PlatformError: consent was revoked, or the autopilot does not go to OFFBOARD.
         """
         vehicle = self.vehicle
         self._authority.expect(vehicle, "HOLD")

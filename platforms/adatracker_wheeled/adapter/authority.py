@@ -62,7 +62,7 @@ class ControlAuthority:
         """Take charge: from now on this side has to disable the base.
 
         Raises:
-            PlatformError: consent has gone.
+            PlatformError: consent was revoked.
         """
         with self.lock:
             self.require_consent()
@@ -74,7 +74,7 @@ class ControlAuthority:
         """Allow commands: the base has confirmed command mode.
 
         Raises:
-            PlatformError: consent has gone.
+            PlatformError: consent was revoked.
         """
         with self.lock:
             self.require_consent()
