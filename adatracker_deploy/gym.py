@@ -1,7 +1,7 @@
-"""The task's Gymnasium environments, by name; importing this module registers them (needs the train extra).
+"""Registers the task's Gymnasium environments when imported (needs the train extra).
 
-``gymnasium.make("adatracker_deploy.gym:AdaTrackerClean-v0")`` imports it by itself: Gymnasium has loaded no
-plugins since its version 1.0. An environment's own module is imported when one is made.
+``gymnasium.make("adatracker_deploy.gym:AdaTrackerClean-v0")`` imports this module: Gymnasium has loaded no
+plugins since version 1.0. An environment's own module is imported when it is first made.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One line of a preflight: a failed blocking check refuses to engage."""
+    """The result of one preflight check; a failed blocking check refuses to engage."""
 
     name: str
     ok: bool
@@ -39,11 +39,11 @@ class Check:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraMount:
-    """Where a simulated camera sits on its body; part of a profile's ``sitl:`` section, no policy sees it."""
+    """Where a simulated camera is mounted; part of a profile's ``sitl:`` section, never seen by a policy."""
 
     forward_m: Annotated[float, Range(-2, 2)] = 0.0
     up_m: Annotated[float, Range(-1, 4)] = 0.0
-    """Above the body's origin: for a ground robot the camera's height, for a drone its offset."""
+    """Height above the body's origin: for a ground robot the camera's height, for a drone its offset."""
     pitch_deg: Annotated[float, Range(-90, 90)] = 0.0
     """Positive looks down."""
     fov_deg: Annotated[float, Range(20, 150)] = 90.0
@@ -55,7 +55,7 @@ class CameraMount:
 
 
 class Body(abc.ABC):
-    """A robot's dynamics alone: a velocity command and a time step in, a pose out. Deterministic by seed."""
+    """A robot's dynamics: a velocity command and a time step in, a pose out. Deterministic given a seed."""
 
     @abc.abstractmethod
     def reset(self, pose: Pose, seed: int) -> None:
@@ -68,17 +68,17 @@ class Body(abc.ABC):
     @property
     @abc.abstractmethod
     def pose(self) -> Pose:
-        """Where the body's origin is, in the fixed frame: on the ground for ground robots."""
+        """Return the pose of the body's origin in the fixed frame; for ground robots it is on the ground."""
 
     @property
     @abc.abstractmethod
     def camera_pose(self) -> Pose:
-        """Where the camera is and looks: x along the optical axis, z up in the image."""
+        """Return the camera's pose: x along the optical axis, z up in the image."""
 
     @property
     @abc.abstractmethod
     def velocity(self) -> Twist:
-        """The velocity now, in the body frame."""
+        """Return the current velocity in the body frame."""
 
 
 _FASTEST_PERSON_M_S = 5.0
@@ -86,12 +86,12 @@ _FASTEST_PERSON_M_S = 5.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
-    """What a rehearsal is about: a simulator that carries its own camera puts its robot into this world."""
+    """The world of a rehearsal; a simulator with its own camera places its robot in it."""
 
     scene: str = "simple_room"
     target_speed_m_s: float = 1.0
     seed: int = 0
-    """Of the world, and of all that is random in the simulated robot."""
+    """Seeds the world and everything random in the simulated robot."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.target_speed_m_s <= _FASTEST_PERSON_M_S:  # false for NaN too
@@ -101,16 +101,16 @@ class Scenario:
 
 
 class Sitl(abc.ABC):
-    """The simulator of a robot's wire, in a process of its own."""
+    """A robot's simulator, in its own process, behind the robot's real protocol."""
 
     faults: tuple[Fault, ...] = ()
-    """What can be made to go wrong with it, by `order`."""
+    """The faults that `order` can inject."""
     witness: Path | None = None
-    """The file in which its robot's witness writes already; None before it was ordered to."""
+    """The file to which the ground-truth recorder already writes; None before that was ordered."""
 
     @abc.abstractmethod
     def start(self, clock: Clock, scenario: Scenario) -> Profile:
-        """Start the simulator; return the profile whose connection, and camera if it has one, reach it.
+        """Start the simulator; return the profile with its connection, and its camera if it has one.
 
         Raises:
             UsageError: a port is taken or an extra is missing.
@@ -119,10 +119,10 @@ class Sitl(abc.ABC):
 
     @abc.abstractmethod
     def close(self) -> None:
-        """End the simulator, letting its robot come to rest first (a drone lands). May be called twice."""
+        """Stop the simulator after its robot has come to rest (a drone lands). May be called twice."""
 
     def order(self, line: str) -> None:  # noqa: B027 -- for those whose simulator can be made to fail
-        """Pass a command on to the simulator: ``begin`` or ``end`` one of `faults`, ``witness FILE``."""
+        """Send a command to the simulator: ``begin`` or ``end`` one of `faults`, ``witness FILE``."""
 
     def __enter__(self) -> Self:
         return self
@@ -134,16 +134,16 @@ class Sitl(abc.ABC):
 
 
 class Platform(abc.ABC):
-    """A robot behind its real wire.
+    """A robot, reached over its real protocol.
 
     ``connect -> preflight -> engage -> send ... -> hold -> disengage -> close``. `hold`, `disengage` and
-    `close` may be called at any time, twice, from any state and from another thread than the one that sends.
-    Known failures raise `PlatformError`. A stop latches: after `hold`, after a fault or after an unexpected
-    change of mode nothing moves again until an explicit `engage`.
+    `close` may be called at any time, repeatedly, from any state and from any thread. Known failures raise
+    `PlatformError`. A stop latches: after `hold`, a fault or an unexpected mode change, nothing moves until
+    an explicit `engage`.
     """
 
     name: ClassVar[str]
-    """The name that ``--platform`` takes."""
+    """The name for ``--platform``."""
     axes: ClassVar[frozenset[str]]
     """The fields of `Twist` that this robot can follow."""
     Connection: ClassVar[type[Any]]
@@ -161,15 +161,15 @@ class Platform(abc.ABC):
 
     @abc.abstractmethod
     def connect(self) -> None:
-        """Open the wire and hear from the robot once; moves nothing."""
+        """Open the connection and wait for a first message from the robot; moves nothing."""
 
     @abc.abstractmethod
     def preflight(self) -> tuple[Check, ...]:
-        """Check what must hold before engaging, the robot's own command time-out above all."""
+        """Check what must hold before engaging, above all the robot's own command time-out."""
 
     @abc.abstractmethod
     def engage(self) -> None:
-        """Return when velocity commands are accepted: a base is enabled, a drone flies offboard."""
+        """Return once velocity commands are accepted: a base is enabled, a drone flies offboard."""
 
     @abc.abstractmethod
     def send(self, command: Twist, now_ns: int) -> Twist:
@@ -181,38 +181,38 @@ class Platform(abc.ABC):
 
     @abc.abstractmethod
     def state(self) -> PlatformState:
-        """Return the newest state; never blocks, carries its own age."""
+        """Return the newest state, which carries its own age; never blocks."""
 
     def notices(self) -> tuple[str, ...]:
-        """Return what an operator should know of since the last call, beyond the state; never blocks.
+        """Return new notices for the operator since the last call; never blocks.
 
-        Each becomes a warning in the trial's log, so a robot keeps them few, whatever comes over its wire.
+        Each becomes a warning in the trial's log, so adapters keep them few, whatever arrives.
         """
         return ()
 
     @abc.abstractmethod
     def hold(self, reason: str) -> None:
-        """Stop moving and stay so: latches."""
+        """Stop moving; latches."""
 
     @abc.abstractmethod
     def disengage(self) -> None:
         """Give up control in the robot's safe way: a base is disabled, a drone lands and disarms.
 
-        Returns when that is done. A robot that somebody else has taken over is left to them.
+        Returns when done. A robot that somebody else has taken over is left to them.
         """
 
     @abc.abstractmethod
     def close(self) -> None:
-        """Release the wire."""
+        """Close the connection."""
 
     @classmethod
     def camera(cls, profile: Profile, clock: Clock) -> Camera:  # noqa: ARG003 -- for those that have one
-        """Return the camera that the robot carries on its own wire, for a ``robot://`` URI; not open yet.
+        """Return the robot's own camera for a ``robot://`` URI; not open yet.
 
-        It is read in another process than the one that drives, so it shares nothing with an adapter.
+        It is read in another process than the adapter's, so it shares nothing with it.
 
         Raises:
-            UsageError: the robot has none.
+            UsageError: the robot has no camera.
         """
         raise UsageError(
             f"camera {profile.camera.uri}: {cls.name} carries no camera on its own wire; "
@@ -227,7 +227,7 @@ class Platform(abc.ABC):
     @classmethod
     @abc.abstractmethod
     def sitl(cls, profile: Profile) -> Sitl:
-        """Return the simulator that ``--sitl`` puts behind the wire."""
+        """Return the simulator that ``--sitl`` uses in place of the robot."""
 
     def __enter__(self) -> Self:
         return self

@@ -1,6 +1,6 @@
-"""Finds robots by their entry points, and their profiles: YAML as typed, range-checked settings.
+"""Finds robots by entry point and loads their profiles (YAML) as typed, range-checked settings.
 
-A robot's package is imported only when that robot is asked for.
+A robot's package is imported only when that robot is loaded.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 ENTRY_POINT_GROUP = "adatracker_deploy.platforms"
 _DISTRIBUTION = "adatracker-deploy"
-"""Whose robots' libraries are extras; another package's robot names what it lacks."""
+"""For robots of this distribution, errors name the extra to install; for others, the missing library."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,26 +37,26 @@ class _Document:
 
 
 def profile_dir() -> Path:
-    """Return the folder of the shipped profiles: inside the installed package, or beside it in a checkout."""
+    """Return the folder of the shipped profiles: in the installed package, or beside it in a checkout."""
     package = Path(__file__).parent
     inside = package / "calib-free-profiles"
     return inside if inside.is_dir() else package.parent / "calib-free-profiles"
 
 
 def profile_names() -> list[str]:
-    """Return the names of the shipped profiles and of those that installed robots bring along, sorted."""
+    """Return the sorted names of the shipped profiles and of those in installed robot packages."""
     return sorted(_profiles(_usable_platforms()))
 
 
 def load_profile(name_or_path: str, platform: type[Platform] | None = None) -> Profile:
     """Read a profile by name, or any profile by path (anything with a slash or a .yaml ending).
 
-    Named can be what is shipped and what is in the `profile_dir` of `platform`, or else of every installed
-    robot; a robot's own come first.
+    Names are searched in the `profile_dir` of `platform` (or of every installed robot), then among the
+    shipped ones.
 
     Args:
         name_or_path: which profile.
-        platform: the platform it must be for; by default the one it names.
+        platform: the platform that the profile must name; by default any.
 
     Raises:
         UsageError: no such profile, not YAML, a wrong key, type or range, or another platform's profile.
@@ -79,10 +79,10 @@ def load_profile(name_or_path: str, platform: type[Platform] | None = None) -> P
 
 
 def load_limits(name_or_path: str) -> Limits:
-    """Read a profile's limits alone, without its robot's library.
+    """Read only a profile's limits; the robot's library is not needed.
 
     Raises:
-        UsageError: as `load_profile`, but for what is in the robot's own sections.
+        UsageError: as `load_profile`, except for errors in the robot's own sections.
     """
     path = _find(name_or_path, None)
     return parse(_Document, read_yaml(path), where=str(path)).limits
@@ -104,7 +104,7 @@ def _find(name_or_path: str, platform: type[Platform] | None) -> Path:
 
 
 def _profiles(platforms: Iterable[type[Platform]]) -> dict[str, Path]:
-    """Return the file of every profile that can be named; a robot's own stands before a shipped one."""
+    """Return the file of every named profile; a robot's own overrides a shipped one."""
     brought = (platform.profile_dir for platform in platforms)
     folders = [profile_dir(), *(folder for folder in brought if folder is not None)]
     return {path.stem: path for folder in folders for path in folder.glob("*.yaml")}
@@ -112,7 +112,7 @@ def _profiles(platforms: Iterable[type[Platform]]) -> dict[str, Path]:
 
 def _usable_platforms() -> Iterator[type[Platform]]:
     for name in platform_names():
-        with contextlib.suppress(UsageError):  # what it lacks is told by ``platforms``
+        with contextlib.suppress(UsageError):  # ``platforms`` reports what it lacks
             yield load_platform(name)
 
 

@@ -1,1 +1,1 @@
-"""One trial, one viewing: the only rooms that know all the others."""
+"""Runs one trial or one viewing; the only package that imports all the others."""

@@ -1,4 +1,4 @@
-"""The camera that a trial looks through: the robot's own, one with an address, or a world that is drawn."""
+"""Opens a trial's camera: the robot's own, one with an address, or a rendered world."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from adatracker_deploy.core.geometry import Pose
 
 IMAGE_SIZE = (160, 160)
-"""Of the virtual camera, px: the size at which masks are drawn for policies."""
+"""Image size of the virtual camera, px: the size of the masks that policies are given."""
 
 
 def open_camera(  # noqa: PLR0917 -- each is another's, and all are needed
@@ -34,20 +34,20 @@ def open_camera(  # noqa: PLR0917 -- each is another's, and all are needed
     tell: Callable[[str], None],
     stack: contextlib.ExitStack,
 ) -> Camera:
-    """Open the camera at `uri` and see that its frames can be used.
+    """Open the camera at `uri` and check that its frames can be used.
 
     Args:
-        plan: of the trial.
-        profile: of the robot, as its simulator has changed it.
-        uri: the camera's.
+        plan: the trial's plan.
+        profile: the robot's, as changed by its simulator.
+        uri: the camera's address.
         clock: the run's.
-        pose: where the robot says that it is; for a world that is drawn from there.
-        tell: is told what goes on, and what to beware of.
+        pose: returns the robot's reported pose, from which a virtual world is rendered.
+        tell: receives progress messages and warnings.
         stack: closes the camera.
 
     Raises:
-        UsageError: there is no such camera, or this segmenter cannot use its frames.
-        PlatformError: the camera gives none.
+        UsageError: no such camera, or this segmenter cannot use its frames.
+        PlatformError: the camera gives no frames.
     """
     if scene_of(uri) is not None:
         return _virtual_camera(plan, profile, pose)
@@ -69,7 +69,7 @@ def open_camera(  # noqa: PLR0917 -- each is another's, and all are needed
 
 
 def virtual_person(plan: TrialPlan) -> str:
-    """Say that a real robot will follow somebody who is drawn."""
+    """Warn that a real robot will follow a simulated person."""
     uri = plan.camera or plan.profile.camera.uri
     return (
         f"A REAL ROBOT WILL FOLLOW A VIRTUAL PERSON: its camera, {uri}, is drawn and sees nobody; "

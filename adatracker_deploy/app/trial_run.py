@@ -1,7 +1,7 @@
-"""One trial from connect to close: the parts start in order and, whatever happens, end in order.
+"""Runs one trial from connect to close; the parts start in order and always stop in order.
 
-This is the only module that knows all the rooms: the simulator, the link, the world's camera, perception, the
-policy, the loop and the log.
+This is the only module that brings together the simulator, the link, the camera, perception, the policy, the
+loop and the log.
 """
 
 from __future__ import annotations
@@ -49,12 +49,12 @@ if TYPE_CHECKING:
 
 FIRST_SIGHT_TIMEOUT_S = 10.0
 LOOK_HZ = 200.0
-"""How often, in machine time, a camera that sends by itself is looked at: a frame waits 5 ms at most."""
+"""Polling rate of a camera that sends by itself, in machine time: a frame waits 5 ms at most."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrialPlan:
-    """What a trial needs; everything in it has been checked."""
+    """Everything a trial needs, already checked."""
 
     platform: type[Platform]
     profile: Profile
@@ -66,34 +66,34 @@ class TrialPlan:
     segmenter_name: str
     sitl: bool
     dry_run: bool
-    """Everything runs but the actuators; no robot is connected."""
+    """Run everything but the actuators; no robot is connected."""
     steps: int
     live_port: int | None = None
-    """Where the live view listens, on this machine alone; None for none."""
+    """Local port of the live view; None for no live view."""
     frames: Frames = "full"
-    """What the log keeps of the camera's pictures."""
+    """Which camera images the log keeps."""
     speed: float
     """Seconds of the run's clock per second of the machine's; 1 on real robots."""
     log_dir: Path
     scheduling: Scheduling = ORDINARY
-    """Of the loop's thread and of the link."""
+    """Scheduling of the loop's thread and of the link."""
     faults: tuple[ScheduledFault, ...] = ()
-    """What shall go wrong in a rehearsal, and when."""
+    """Faults to inject in a rehearsal, and when."""
     simulator: Sitl | None = None
-    """A simulator that somebody else has started; None to start one."""
+    """A simulator that is already running; None to start one."""
 
 
 class Progress(Protocol):
-    """Who is told how the trial goes."""
+    """Receives the trial's progress."""
 
     def phase(self, text: str) -> None:
-        """Something begins."""
+        """A phase begins."""
 
     def logging(self, folder: Path) -> None:
         """The trial's log is in this folder."""
 
     def step(self, record: StepRecord) -> None:
-        """A tick is done."""
+        """A tick is complete."""
 
 
 def run_trial(
@@ -103,9 +103,9 @@ def run_trial(
 
     Args:
         plan: what to run.
-        progress: who is told.
-        started_s: `time.monotonic` when all this began; only for what is printed.
-        stop: remembers who asks to stop while the trial ends.
+        progress: receives the progress.
+        started_s: `time.monotonic` at the start; only used in what is printed.
+        stop: remembers stop requests while the trial ends.
 
     Raises:
         UsageError: a port is taken, a folder cannot be written, an extra is missing; nothing has moved.
@@ -113,7 +113,7 @@ def run_trial(
     """
     with contextlib.ExitStack() as stack:
         summary = _Trial(plan, progress, started_s, stop or StopRequest(), stack).run()
-    if summary["outcome"] in RESULTS:  # of what was stopped or failed every trace is kept
+    if summary["outcome"] in RESULTS:  # of a trial that was stopped or failed, every trace is kept
         (Path(summary["trial"]) / FILE_NAME).unlink(missing_ok=True)
     return summary
 
@@ -136,7 +136,7 @@ class _Trial:
         self.tally = Tally()
         self.errors: list[str] = []
         self.injection: Injection | None = None
-        """Of faults, where any were asked for."""
+        """Injects the requested faults; None without any."""
 
     def run(self) -> dict[str, Any]:
         plan = self.plan
@@ -198,8 +198,8 @@ class _Trial:
             return self._finish(ending)
 
     def _injected(self, simulator: Sitl) -> TrialPlan:
-        """Return the plan with parts that can go wrong."""
-        from adatracker_deploy.faults.injection import Injection  # which no real robot's process holds
+        """Return the plan with its parts wrapped for fault injection."""
+        from adatracker_deploy.faults.injection import Injection  # a real robot has no such process
 
         plan = self.plan
         injection = Injection(plan.faults, simulator, self.clock, plan.log_dir)
@@ -211,7 +211,7 @@ class _Trial:
         return self.plan
 
     def _open_camera(self, profile: Profile) -> Camera:
-        """Open the camera and see that its frames can be used, before anything moves."""
+        """Open the camera and check that its frames can be used, before anything moves."""
         uri = self.plan.camera or profile.camera.uri
         self.drawn = scene_of(uri) is not None
         camera = open_camera(
@@ -261,7 +261,7 @@ class _Trial:
                     self._tell(f"loop: {obtained()}; link: {obtained(self.link.pid)}")
                 if plan.scheduling.realtime:
                     self._tell(f"cores {'are kept awake' if self.awake else 'may sleep'}")
-                self.link.send(ZERO, self.clock.now_ns())  # what was just done may have taken a while
+                self.link.send(ZERO, self.clock.now_ns())  # the previous steps may have taken a while
                 return loop.run(plan.steps)
         finally:
             gc.unfreeze()
@@ -273,7 +273,7 @@ class _Trial:
             self.link.send(ZERO, self.clock.now_ns())
             try:
                 seen = perception.newest()
-            except FilmOverError as error:  # not the end of a trial: there was none
+            except FilmOverError as error:  # not the end of a trial: none had begun
                 raise PlatformError(f"no person was seen before the end: {error}") from error
             if seen is not None and seen.observation.box is not None:
                 return
@@ -343,12 +343,12 @@ class _Trial:
         return summary
 
     def _in_phase(self, name: str) -> None:
-        """Tell whoever injects faults that a phase begins."""
+        """Tell the fault injection that a phase begins."""
         if self.injection is not None:
             self.injection.enter(name, self.link)
 
     def _config(self, profile: Profile) -> dict[str, Any]:
-        """What the log says of the run itself."""
+        """Return the run's configuration for the log."""
         plan = self.plan
         shown = without_password(plan.camera or profile.camera.uri)
         return {
@@ -367,7 +367,7 @@ class _Trial:
 
 
 def _clock(plan: TrialPlan, stack: contextlib.ExitStack) -> MonotonicClock:
-    """Return the run's clock; where the machine shall be suspended, one that can stand still."""
+    """Return the run's clock; one that can be paused when a suspend is to be simulated."""
     if not any(strike.fault.name == "suspend" for strike in plan.faults):
         return MonotonicClock(speed=plan.speed)
     folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="adatracker-pause-"))

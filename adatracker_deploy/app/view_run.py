@@ -1,4 +1,4 @@
-"""One viewing: what perception and policy make of a camera, drawn and counted, without any robot."""
+"""Runs one viewing: perception and policy on a camera, drawn and counted, without a robot."""
 
 from __future__ import annotations
 
@@ -29,22 +29,22 @@ if TYPE_CHECKING:
     from adatracker_deploy.policy.base import Policy
 
 _LOOK_HZ = 120.0
-"""How often a live camera is asked for its newest frame: more often than any camera has one."""
+"""Polling rate of a live camera, faster than any camera's frame rate."""
 UNCHOSEN = "unchosen"
-"""Among the states: nobody has been chosen yet."""
+"""Target state before anybody has been chosen."""
 
 
 class Viewed(NamedTuple):
-    """One frame that was looked at."""
+    """One processed frame."""
 
     picture: Image
-    """With everything drawn over it."""
+    """The image with its overlay."""
     observation: Observation
     action: Action | None
 
 
 class _Counted(NamedTuple):
-    """What is kept of a frame."""
+    """What is counted for each frame."""
 
     took_ms: float
     state: str
@@ -53,11 +53,11 @@ class _Counted(NamedTuple):
 
 
 class Viewer:
-    """Looks at frames one after the other and keeps count; no time but the frames' own is in its pictures.
+    """Processes frames in order and keeps statistics; its images show only the frames' own times.
 
     Args:
         segmenter: finds the target.
-        policy: answers at its own rate; None leaves its answer out.
+        policy: runs at its own rate; None for no policy.
     """
 
     def __init__(self, segmenter: Segmenter, policy: Policy | None) -> None:
@@ -75,7 +75,7 @@ class Viewer:
 
         Args:
             frame: the next one.
-            clock: the run's, to show how old a live frame is; of a film its time is shown.
+            clock: the run's, to show the age of a live frame; for a video its time is shown.
 
         Raises:
             PlatformError: the segmenter fails.
@@ -89,13 +89,13 @@ class Viewer:
         since_ns = frame.t_ns - self._first_ns
         when = f"age {(clock.now_ns() - frame.t_ns) / 1e6:.0f} ms" if clock else f"{since_ns / 1e9:.2f} s"
         picture = overlay(frame.rgb, observation, when, self._drive(observation, action))
-        in_sight = observation.box is not None  # in one piece, whenever somebody interrupts
+        in_sight = observation.box is not None  # all at once, so that an interrupt leaves it complete
         self._counted.append(_Counted(took_ms, _state_name(observation), in_sight, time.perf_counter()))
         return Viewed(picture, observation, action)
 
     def summary(self) -> dict[str, Any]:
-        """Return the counts: `tracked` is the share of frames in which the target was seen, `frame_ms` what
-        perception and policy take of each, without the drawing.
+        """Return statistics: `tracked` is the share of frames in which the target was seen, `frame_ms` the
+        time of perception and policy per frame, without drawing.
         """
         counted = self._counted
         states = Counter(frame.state for frame in counted)
@@ -123,12 +123,12 @@ class Viewer:
 
 
 def film_frames(camera: FilmCamera, clock: Clock, *, paced: bool) -> Iterator[Frame]:
-    """Give every frame of an open film, at the film's times; `camera` gives every frame.
+    """Yield every frame of an open video, at the video's times; `camera` gives every frame.
 
     Args:
         camera: made with `every_frame`.
         clock: the run's.
-        paced: no frame is given before its time.
+        paced: do not yield a frame before its time.
     """
     began_ns = clock.now_ns()
     for number in itertools.count():
@@ -145,10 +145,10 @@ def film_frames(camera: FilmCamera, clock: Clock, *, paced: bool) -> Iterator[Fr
 
 
 def live_frames(camera: Camera, clock: Clock) -> Iterator[Frame]:
-    """Give the newest frame whenever there is a new one; those that nobody was in time for are skipped.
+    """Yield each new frame; frames that arrive while one is processed are skipped.
 
     Raises:
-        PlatformError: the camera is gone.
+        PlatformError: the camera is lost.
     """
     pacer, seen = Pacer(clock, _LOOK_HZ), 0
     while True:
@@ -159,6 +159,6 @@ def live_frames(camera: Camera, clock: Clock) -> Iterator[Frame]:
 
 
 def _state_name(observation: Observation) -> str:
-    if observation.target is None:  # a rehearsal knows who it is
+    if observation.target is None:  # a rehearsal knows the target
         return TargetState.TRACKED.value if observation.box is not None else UNCHOSEN
     return observation.target.value

@@ -1,4 +1,4 @@
-"""The one command: a thin module for each subcommand; nothing here knows how anything is done.
+"""The command-line interface: a thin module for each subcommand, without logic of its own.
 
 A subcommand's module has `add_parser(subparsers)`, which sets its `run(args) -> exit status` as a default.
 """
@@ -77,7 +77,7 @@ def _forget_stdout() -> None:
 
 
 def _hear_interrupts() -> None:
-    """See that SIGINT interrupts also where a shell has made a background job deaf to it: it stops robots."""
+    """Restore SIGINT if a shell made a background job ignore it: SIGINT stops robots."""
     if (
         threading.current_thread() is threading.main_thread()
         and signal.getsignal(signal.SIGINT) is signal.SIG_IGN

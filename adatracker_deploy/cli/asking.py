@@ -1,7 +1,7 @@
-"""Between trials: what the operator is asked, and what becomes of the answer.
+"""Operator prompts between trials.
 
-Enter alone never lets a robot move: whoever pressed it to stop the last trial, and once more, has not asked
-for the next.
+Enter alone never starts a trial: an operator who pressed it twice to stop the last one has not requested the
+next.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a person sees of long work that comes in equal parts: how many are done, how fast, how long still."""
+"""Progress display of long work in equal parts: how many are done, the rate and the time left."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The optional parts of this package, by its own metadata: which of those needed are missing."""
+"""Finds missing optional extras of this package, by its own metadata."""
 
 from __future__ import annotations
 

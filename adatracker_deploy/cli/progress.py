@@ -1,4 +1,4 @@
-"""What a person sees while a run goes on: a changing line in a terminal, a line now and then elsewhere."""
+"""Progress display of a run: a changing line in a terminal, occasional lines elsewhere."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Types for argparse: numbers of a range, refused in one line outside it."""
+"""Argument types for argparse: numbers within a range."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``salvage``: logs made whole that a kill or a power cut left unfinished."""
+"""``salvage``: recover logs left unfinished by a kill or a power cut."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The options that say what perception looks for: the same wherever somebody looks."""
+"""Perception options, shared by all commands that use perception."""
 
 from __future__ import annotations
 

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from adatracker_deploy.runtime.running import Running
 
 ANSWER_S = 1.0
-"""Within which a trial must say that it heard; else it is killed, and its link stops the robot."""
+"""Time within which a trial must acknowledge; otherwise it is killed, and its link stops the robot."""
 END_S = 120.0
-"""For a drone to land and a log to be closed."""
+"""Time for a drone to land and a log to be closed."""
 POLL_S = 0.01
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 NO_POLICY = "none"
 LIVE_WRITE_HZ = 20.0
-"""Of a film that is written from a live camera, whose frames come as they like."""
+"""Frame rate of a video recorded from a live camera, whose frames come irregularly."""
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

@@ -1,6 +1,7 @@
-"""What a robot may do, and when it has to stop: the profile's ``limits:`` section, which the gate enforces.
+"""The profile's ``limits:`` section, enforced by the gate: what a robot may do, and when it must stop.
 
-Every limit is on by default. `Limits.switched_off` is the only way to do without one; every trial tells it.
+Every limit is on by default. `Limits.switched_off` is the only way to disable one, and every trial reports
+it.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ from adatracker_deploy.core.errors import UsageError
 Dispensable = Literal[
     "altitude", "battery", "geofence", "jerk", "position_jumped", "ramp", "state_lost", "too_close"
 ]
-"""What a profile may switch off, by the name of the gate's reason. The rest (`not_finite`, `envelope`,
-`acceleration`, the age of commands, a robot that stopped by itself) never is."""
+"""What a profile may switch off, by the gate's reason. The rest (`not_finite`, `envelope`, `acceleration`,
+the age of commands, a robot that stopped by itself) cannot be switched off."""
 
 _Height = Annotated[float, Range(-100, 500)]
 _Offset = Annotated[float, Range(-10_000, 10_000)]
@@ -24,7 +25,7 @@ _Offset = Annotated[float, Range(-10_000, 10_000)]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """What the gate lets through, and when it stops waiting; every value is a magnitude."""
+    """What the gate lets through, and its time-outs; every value is a magnitude."""
 
     forward_m_s: Annotated[float, Range(0, 30)]
     backward_m_s: Annotated[float, Range(0, 30)]
@@ -38,37 +39,37 @@ class Limits:
     """Largest change of the horizontal and of the vertical acceleration, per second."""
     yaw_jerk_rad_s3: Annotated[float, Range(0.1, 2000)] = 50.0
     ramp_s: Annotated[float, Range(0.05, 10)] = 1.0
-    """From the first motion after engaging, speed limits grow from zero to their full size for so long."""
+    """Time over which the speed limits grow from zero to full, from the first motion after engaging."""
     command_timeout_s: Annotated[float, Range(0.02, 2)] = 0.18
-    """A command older than this is replaced by zero: with a slot of the link's, the last motion is on the
-    wire within 0.2 s of whatever has stopped the tracker."""
+    """A command older than this is replaced by zero. With one slot of the link, the last motion is sent
+    within 0.2 s of the tracker's last command."""
     sight_timeout_s: Annotated[float, Range(0.1, 2)] = 0.27
-    """A command made from what was seen longer ago than this is replaced by zero: with a slot of the link's,
-    the last motion is on the wire within 0.3 s of the last frame, whatever the policy's rate."""
+    """A command based on a frame older than this is replaced by zero. With one slot of the link, the last
+    motion is sent within 0.3 s of the last frame, whatever the policy's rate."""
     hold_after_s: Annotated[float, Range(0.02, 10)] = 0.5
     """A command older than this latches a stop: the robot holds."""
     disengage_after_s: Annotated[float, Range(0.02, 60)] = 1.5
     """A command older than this disengages: a base is disabled, a drone lands."""
     state_timeout_s: Annotated[float, Range(0.05, 5)] = 1.0
-    """Without anything measured by the robot for this long a stop latches. Adapters know their wires and stop
-    sooner; this is behind them, for one that does not."""
+    """A stop latches when the robot has sent no measurement for this long. Adapters stop sooner; this is the
+    backstop for one that does not."""
     fence_radius_m: Annotated[float, Range(1, 10_000)] = 100.0
     """The robot stays within a cylinder of this radius around where it was engaged."""
     fence_corners_m: tuple[tuple[_Offset, _Offset], ...] = ()
-    """A polygon instead of the cylinder: its corners in order, each (ahead, left) of the robot as it stood
-    when it was engaged."""
+    """A polygon instead of the cylinder: its corners in order, each (ahead, left) of the robot's pose when it
+    was engaged."""
     altitude_m: tuple[_Height, _Height] | None = None
-    """The lowest and the highest a flying robot may be, above where it took off; none for one that walks or
-    rolls."""
+    """Lowest and highest altitude of a flying robot above its take-off point; none for ground robots."""
     largest_target: Annotated[float, Range(0.01, 0.9)] = 0.3
-    """The share of the image that the target's box may cover: beyond it the target is too close, and nothing
-    moves forward. 0.3 is a person 1.76 m tall and 0.49 m broad, about 0.8 m before a 90 degree lens."""
+    """Largest share of the image that the target's box may cover; beyond it the target is too close, and
+    forward motion is cut. 0.3 is a person 1.76 m tall and 0.49 m broad, about 0.8 m before a 90 degree
+    lens."""
     battery_warn: Annotated[float, Range(0.01, 1)] = 0.2
-    """State of charge from which on it is told that the battery is low."""
+    """State of charge below which a low battery is reported."""
     battery_stop: Annotated[float, Range(0.01, 1)] = 0.1
     """State of charge at which the robot disengages: a base is disabled, a drone lands."""
     switched_off: tuple[Dispensable, ...] = ()
-    """Limits that this robot goes without. Every trial says so, on the screen and in its log."""
+    """Disabled limits. Every trial reports them, on the screen and in its log."""
 
     def __post_init__(self) -> None:
         if self.battery_warn < self.battery_stop:
@@ -85,7 +86,7 @@ class Limits:
             )
 
     def capped(self, share: float) -> Limits:
-        """Return these with every speed, and the yaw rate, times `share`, 0 to 1."""
+        """Return the limits with every speed and the yaw rate scaled by `share`, 0 to 1."""
         return replace(
             self,
             forward_m_s=share * self.forward_m_s,
@@ -97,9 +98,10 @@ class Limits:
 
 
 def encloses(corners: tuple[tuple[float, float], ...], x: float, y: float) -> bool:
-    """Tell whether a polygon holds a point, by counting the edges that a ray to +x crosses (even-odd rule).
+    """Return whether a polygon contains a point, by counting the edges that a ray to +x crosses (even-odd
+    rule).
 
-    No polygon holds a point that is not a number, and one of fewer than three corners holds none.
+    A point with NaN is in no polygon; a polygon of fewer than three corners contains nothing.
     """
     inside = False
     for (x1, y1), (x2, y2) in pairwise((*corners, *corners[:1])):

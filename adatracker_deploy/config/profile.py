@@ -1,7 +1,7 @@
-"""A robot's profile as values: how to reach it, what it may do and, for rehearsals, what it is like.
+"""A robot's profile: connection, camera, limits and, for rehearsals, simulator settings.
 
-The policy never sees a profile: it infers camera height and dynamics. What a profile says of the camera's
-place or of the body's dynamics is in ``sitl:`` alone and describes the simulator.
+The policy never sees a profile: it infers camera height and dynamics. The camera's mount and the body's
+dynamics are only in ``sitl:`` and describe the simulator.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from adatracker_deploy.config.schema import Range
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraSettings:
-    """Where frames come from, and how often."""
+    """The camera's address and frame rate."""
 
     uri: str
-    """``world://SCENE`` renders a virtual world from the pose that the robot itself reports."""
+    """``world://SCENE`` renders a virtual world from the robot's reported pose."""
     rate_hz: Annotated[float, Range(1, 240)] = 30.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Profile:
-    """One robot: how to reach it, what it may do and, for rehearsals, what it is like."""
+    """One robot's connection, camera, limits and simulator settings."""
 
     name: str
     platform: str

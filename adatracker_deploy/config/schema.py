@@ -1,7 +1,7 @@
 """Typed settings from plain mappings: unknown keys, wrong types and values out of range are refused.
 
 A settings class is a frozen dataclass; a field without a default is required; a number is bounded by
-``Annotated[float, Range(0, 5)]``. Profiles and bundle manifests are read through here and nowhere else.
+``Annotated[float, Range(0, 5)]``. All profiles and bundle manifests are read through this module.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ def parse(cls: type[T], value: Any, *, where: str) -> T:
         cls: a dataclass; fields may be bool, int, float, str, Literal, unions (the first kind that fits is
             taken), optionals, tuples, str-keyed dicts, nested dataclasses, and Annotated numbers.
         value: the mapping.
-        where: how errors name the place, for example the file's path.
+        where: names the source in errors, for example the file's path.
 
     Raises:
-        UsageError: one line that names the place, the key and the reason.
+        UsageError: one line that names the source, the key and the reason.
     """
     if not isinstance(value, Mapping):
         raise UsageError(f"{where}: expected a mapping, got {_named(value)}")
@@ -59,7 +59,7 @@ def parse(cls: type[T], value: Any, *, where: str) -> T:
 
 
 def _named(value: Any) -> str:
-    """Name a value's kind and, cut short, the value: a YAML alias can stand for a million parts."""
+    """Describe a value by its type and its shortened text."""
     return "nothing" if value is None else f"{type(value).__name__} {reprlib.repr(value)}"
 
 

@@ -1,4 +1,4 @@
-"""Keys that only their owner may read."""
+"""Checks that a secret key file is readable only by its owner."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from adatracker_deploy.core.errors import UsageError
 
 
 def check_secret(name: str, *, where: str) -> Path:
-    """Return the path of a file that holds a secret.
+    """Return the path of a secret file after checking its permissions.
 
     Args:
         name: the file.
-        where: how errors name the setting that names it.
+        where: names the setting in errors.
 
     Raises:
-        UsageError: it is not there, is no plain file, or others than its owner may read or change it.
+        UsageError: it is missing, is not a regular file, or others than its owner may read or change it.
     """
     path = Path(name)
     try:

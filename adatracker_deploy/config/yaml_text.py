@@ -1,8 +1,8 @@
-"""YAML as settings need it: plain values, each written out once. `schema` then says what they may be.
+"""Reads strict YAML: plain values, each written out once. `schema` then checks them.
 
 Three things that YAML allows are refused. An alias can make a small file stand for more values than fit in
-memory; nesting without end overflows the stack; of a key that is given twice, a reader sees one and the
-program takes the other.
+memory; deep nesting overflows the stack; with a duplicate key, a person reads one value and the program uses
+the other.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ CAP_BYTES = 1 << 20
 DEEPEST = 32
 
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-"""The same rules in C, where PyYAML was built with them."""
+"""The C loader with the same rules, if PyYAML was built with it."""
 
 
 class _StrictLoader(_Loader):  # type: ignore[misc]
-    """A safe loader that refuses a key that is given twice."""
+    """A safe loader that refuses duplicate keys."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
         seen = set()
@@ -39,10 +39,10 @@ class _StrictLoader(_Loader):  # type: ignore[misc]
 
 
 def read_yaml(path: Path, *, cap_bytes: int = CAP_BYTES) -> Any:
-    """Return what a file of UTF-8 says.
+    """Parse a UTF-8 file.
 
     Raises:
-        UsageError: one line: it cannot be read, is larger than `cap_bytes`, or as `parse_yaml`.
+        UsageError: one line: it cannot be read, is larger than `cap_bytes`, or fails in `parse_yaml`.
     """
     try:
         with path.open("rb") as file:
@@ -55,14 +55,14 @@ def read_yaml(path: Path, *, cap_bytes: int = CAP_BYTES) -> Any:
 
 
 def parse_yaml(data: bytes, *, where: str) -> Any:
-    """Return what UTF-8 text says: mappings, lists, text, numbers, dates, true, false and nothing.
+    """Parse UTF-8 text into mappings, lists, text, numbers, dates, booleans and None.
 
     Args:
-        data: all of it.
-        where: how errors name the place.
+        data: the whole text.
+        where: names the source in errors.
 
     Raises:
-        UsageError: one line: it is no YAML, asks for objects, has an alias, a key twice or too much depth.
+        UsageError: one line: not YAML, a Python object, an alias, a duplicate key or too deep nesting.
     """
     try:
         text = data.decode("utf-8")
@@ -73,10 +73,10 @@ def parse_yaml(data: bytes, *, where: str) -> Any:
 
 
 def _check(text: str) -> None:
-    """Refuse aliases and depth before anything is built.
+    """Refuse aliases and deep nesting before anything is built.
 
     Raises:
-        YAMLError: there is one, or the text is no YAML.
+        YAMLError: found one, or the text is not YAML.
     """
     depth = 0
     for event in yaml.parse(text, Loader=_Loader):

@@ -1,1 +1,1 @@
-"""Values that travel, geometry, time and errors: what every other room may import."""
+"""Messages, geometry, time and errors; every other package may import it, and it imports none of them."""

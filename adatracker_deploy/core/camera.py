@@ -1,7 +1,7 @@
-"""Camera sources: what a camera is, and what its URI says.
+"""The camera interface and camera URIs.
 
-``world://SCENE`` is drawn in this process from the pose that the robot reports, ``robot://TOPIC`` arrives on
-the robot's own wire; what else there is stands in `sources`.
+``world://SCENE`` is rendered in this process from the robot's reported pose, ``robot://TOPIC`` arrives over
+the robot's own connection; `perception.sources` lists the rest.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ if TYPE_CHECKING:
 WORLD = "world://"
 ROBOT = "robot://"
 ON_A_WIRE = (ROBOT, "http://", "https://")
-"""Cameras that in a rehearsal carry the truth beside the picture."""
+"""Camera schemes that carry ground truth with each frame in a rehearsal."""
 OPEN_TIMEOUT_S = 5.0
-"""Machine time within which an opened camera must have given its first frame."""
+"""Machine time, s, within which an opened camera must deliver its first frame."""
 LARGEST_SIDE = 8192
-"""Of any picture, px; larger ones are refused before they are decoded."""
+"""Largest width or height of an image, px; larger ones are refused before they are decoded."""
 
 
 class FilmOverError(PlatformError):
-    """A recorded video has been shown to its end."""
+    """A recorded video has ended."""
 
 
 class Camera(Protocol):
-    """Something that gives the newest frame."""
+    """A source of frames; gives the newest one."""
 
     def open(self) -> None:
-        """Begin; return once frames come.
+        """Open the camera; return once frames arrive.
 
         Raises:
             UsageError: there is no such device, file or address.
@@ -42,17 +42,17 @@ class Camera(Protocol):
     def read(self, now_ns: int) -> Frame | None:
         """Return the newest frame, captured at `now_ns` or before; None while there is none yet.
 
-        The same frame may come again: its sequence number tells.
+        The same frame may be returned again; compare sequence numbers.
 
         Raises:
-            PlatformError: the camera is gone, and no frame will follow.
+            PlatformError: the camera is lost; no more frames will come.
         """
 
     def go(self) -> None:
-        """The robot is about to follow: in a rehearsal the people walk from now on."""
+        """Signal that the robot is about to follow; in a rehearsal the people start walking."""
 
     def close(self) -> None:
-        """Let go of the device; may be called twice, and before `open`."""
+        """Release the device; may be called twice, and before `open`."""
 
 
 def scene_of(uri: str) -> str | None:
@@ -61,12 +61,12 @@ def scene_of(uri: str) -> str | None:
 
 
 def without_password(uri: str) -> str:
-    """Return a camera's address as it may be shown: without the user and the password that it may hold."""
+    """Return a camera's address without any user name and password, safe to display."""
     return re.sub(r"://[^/?#]*@", "://", uri)
 
 
 def check_size(width: int, height: int) -> None:
-    """See that a picture of this size, px, may be decoded.
+    """Check that an image of this size, px, may be decoded.
 
     Raises:
         ValueError: a side is 0 or longer than `LARGEST_SIDE`.

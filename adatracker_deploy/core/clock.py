@@ -9,7 +9,7 @@ from typing import Protocol
 from adatracker_deploy.core import pause
 
 _SURE_NS = 1_000_000
-"""Two clocks that were read within this time can be compared."""
+"""Two clocks read within this time, ns, can be compared."""
 _READINGS = 20
 
 
@@ -40,24 +40,24 @@ class MonotonicClock:
     speed: float = 1.0
     epoch_ns: int = field(default_factory=time.monotonic_ns)
     pause: str = ""
-    """Path of a `runtime.pause`, where a rehearsal shall suspend the machine; empty everywhere else."""
+    """Path of a `core.pause` file, when a rehearsal simulates a suspend; empty otherwise."""
 
     def now_ns(self) -> int:
-        """Return the epoch plus `speed` times what has passed since."""
+        """Return the epoch plus `speed` times the machine time since then."""
         passed_ns = time.monotonic_ns() - self.epoch_ns - (pause.total_ns(self.pause) if self.pause else 0)
         return self.epoch_ns + round(passed_ns * self.speed)
 
     def sleep_until(self, t_ns: int) -> None:
-        """Sleep for what is left of the machine's time."""
+        """Sleep for the remaining machine time."""
         left_s = (t_ns - self.now_ns()) / 1e9 / self.speed
         if left_s > 0:
             time.sleep(left_s)
 
     def suspended_ns(self) -> int:
-        """Return by how much CLOCK_BOOTTIME is ahead of CLOCK_MONOTONIC, which stands still in a suspend.
+        """Return how far CLOCK_BOOTTIME is ahead of CLOCK_MONOTONIC, which stops during a suspend.
 
-        A process that is stopped between the two readings would see them part, so the pair that was read
-        fastest counts. Systems without CLOCK_BOOTTIME tell no suspend: 0.
+        A process stopped between the two readings would see a false difference, so the pair read fastest
+        counts. Systems without CLOCK_BOOTTIME report no suspend: 0.
         """
         if self.pause:
             return pause.total_ns(self.pause)
@@ -77,14 +77,14 @@ class MonotonicClock:
 
 @dataclass(slots=True)
 class FakeClock:
-    """Stands still until it is told; sleeping advances it at once."""
+    """A clock for tests: it stands still until told otherwise; sleeping advances it at once."""
 
     t_ns: int = 1_000_000_000
     speed: float = 1.0
     asleep_ns: int = 0
 
     def now_ns(self) -> int:
-        """Return the time it was last set to."""
+        """Return the time that was last set."""
         return self.t_ns
 
     def sleep_until(self, t_ns: int) -> None:
@@ -92,13 +92,13 @@ class FakeClock:
         self.t_ns = max(self.t_ns, t_ns)
 
     def suspended_ns(self) -> int:
-        """Return for how long it was suspended."""
+        """Return the total simulated suspend, ns."""
         return self.asleep_ns
 
     def advance(self, seconds: float) -> None:
-        """Let time pass."""
+        """Advance the clock."""
         self.t_ns += round(seconds * 1e9)
 
     def suspend(self, seconds: float) -> None:
-        """Let the machine sleep: this clock stands still meanwhile."""
+        """Simulate a suspend of the machine; this clock stands still meanwhile."""
         self.asleep_ns += round(seconds * 1e9)

@@ -1,4 +1,4 @@
-"""The faults that can be injected, by name; those of one kind of robot alone stand in its own `Sitl`."""
+"""Faults that can be injected, by name; faults of one robot only are listed by its own `Sitl`."""
 
 from __future__ import annotations
 
@@ -7,24 +7,24 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """Something that goes wrong."""
+    """A fault that can be injected."""
 
     name: str
     says: str
-    """What happens, for people."""
+    """What happens, in words for people."""
     lasts_s: float = 0.0
-    """Machine time after which it is over by itself; 0 for what happens once, or stays."""
+    """Machine time, s, after which it ends by itself; 0 for a single event or a permanent fault."""
 
 
 BLIND_FOR_S = 3.0
-"""Longer than the loop waits for a frame: what ends sooner is ridden out."""
+"""Longer than the loop waits for a frame; shorter gaps are bridged."""
 CAMERA_FREEZE = Fault("camera_freeze", "the camera repeats one picture, time stamp and all", BLIND_FOR_S)
 CAMERA_GONE = Fault("camera_gone", "the camera's server is gone, and comes back", BLIND_FOR_S)
 LINK_DROP = Fault("link_drop", "the wire is cut, and mended", 2.0)
 ROBOT_SILENT = Fault("robot_silent", "the robot hears but tells nothing", 2.0)
 TAKEOVER = Fault("takeover", "a pilot or a remote control takes the robot over")
 BATTERY_LOW = Fault("battery_low", "5 % of the charge are left")
-"""What a simulator may know how to do: a `Sitl` lists those that its own does."""
+"""Faults that a simulator may support; each `Sitl` lists its own."""
 
 OURS = (
     CAMERA_FREEZE,  # where the simulator carries no camera
@@ -47,14 +47,15 @@ OURS = (
     Fault("gc_pause", "the tracker's interpreter stands still for 0.1 s, as in a full collection"),
     Fault("disk_full", "the log's file cannot grow any more"),
 )
-"""What happens to the toolkit's own processes, whatever the robot."""
+"""Faults of the toolkit's own processes, for any robot."""
 
 
 def known_faults(simulator: tuple[Fault, ...]) -> dict[str, Fault]:
-    """Return what can be injected into a rehearsal, by name; the simulator's way comes before ours.
+    """Return the faults that a rehearsal can inject, by name; the simulator's version of a fault takes
+    precedence.
 
     Args:
-        simulator: what the robot's simulator can do.
+        simulator: the faults that the robot's simulator supports.
     """
     ours = {fault.name: fault for fault in OURS}
     theirs = {fault.name: fault for fault in simulator}

@@ -1,6 +1,6 @@
 """Class masks as palette PNGs: the pixel values are the class ids, and any viewer shows them in colour.
 
-Written by hand because OpenCV cannot write or keep a palette, and a grey image of the ids 0 to 3 looks black.
+Written by hand because OpenCV cannot write or keep a palette, and a grey image of ids 0 to 3 looks black.
 Format: PNG (ISO/IEC 15948), 8 bits, colour type 3, no interlace, every line with filter 0.
 """
 
@@ -47,7 +47,7 @@ def decode_mask(png: bytes) -> ClassMask:
     """Decode what `encode_mask` wrote.
 
     Raises:
-        ValueError: it is something else.
+        ValueError: the data is not such a PNG.
     """
     try:
         chunks = dict(_chunks(png))

@@ -1,7 +1,7 @@
-"""The values that travel one way through the loop: frame, observation, action.
+"""Messages that flow through the loop: frame, observation, action, command, state.
 
-They are frozen; arrays in them are not written to after they are made. Times are nanoseconds of the run's
-clock (monotonic, scaled in a rehearsal at ``--speed``), never wall-clock time.
+They are frozen, and their arrays are never written to. Times are nanoseconds of the run's clock (monotonic,
+scaled in a rehearsal at ``--speed``), never wall-clock time.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class MaskClass(enum.IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """What only a simulated camera knows; policies never see it."""
+    """Ground truth, known only to a simulated camera; policies never see it."""
 
     mask: ClassMask
     robot: Pose
@@ -54,7 +54,7 @@ class Frame:
     seq: int
     truth: Truth | None = None
     jpeg: bytes | None = None
-    """What `rgb` was decoded from, where the camera sends JPEGs: the log need not make another."""
+    """The JPEG that `rgb` was decoded from, if any; the log reuses it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +68,7 @@ class Box:
 
     @property
     def area(self) -> float:
-        """The share of the image that it covers."""
+        """Return the share of the image that the box covers."""
         return self.w * self.h
 
     @classmethod
@@ -86,19 +86,19 @@ class Box:
 
 
 class TargetState(enum.Enum):
-    """What is known of the target in one frame."""
+    """The target's tracking state in one frame."""
 
     TRACKED = "tracked"
     COASTING = "coasting"
-    """Out of sight for a moment."""
+    """Briefly out of sight."""
     REACQUIRED = "reacquired"
-    """Seen again after having been lost, in this frame."""
+    """Seen again in this frame, after having been lost."""
     LOST = "lost"
 
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """What perception made of one frame; `t_ns` and `seq` are the frame's."""
+    """Perception's result for one frame; `t_ns` and `seq` are the frame's."""
 
     mask: ClassMask
     box: Box | None
@@ -107,12 +107,12 @@ class Observation:
     t_ns: int
     seq: int
     target: TargetState | None = None
-    """None before a target is chosen, and in rehearsals, which know who it is."""
+    """None before a target is chosen, and in rehearsals, where the target is known."""
 
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """What a policy answered: `values` float32 in [-1, 1], order and signs as its `ActionSpec` states."""
+    """A policy's output: `values` float32 in [-1, 1], with the order and signs of its `ActionSpec`."""
 
     values: NDArray[np.float32]
     context: NDArray[np.float32] | None = None
@@ -142,10 +142,10 @@ ZERO = Twist()
 
 @dataclass(frozen=True, slots=True)
 class PlatformState:
-    """The robot as its own telemetry tells it; missing values are None, never guessed."""
+    """The robot's state from its own telemetry; missing values are None, never guessed."""
 
     t_ns: int
-    """Clock time of the newest measurement in here, ns; 0 before the first."""
+    """Clock time of the newest measurement, ns; 0 before the first."""
     mode: str = ""
     """The robot's own name for its mode, at most 23 ASCII characters."""
     engaged: bool = False
@@ -161,7 +161,7 @@ class PlatformState:
     stopped: str = ""
     """Why a stop has latched; empty while none has. At most 95 characters."""
     taken_over: bool = False
-    """That stop came from elsewhere: the pilot's sticks, a remote control, the robot's own fail-safe."""
+    """The stop came from elsewhere: the pilot's sticks, a remote control, the robot's own fail-safe."""
 
     def age_s(self, now_ns: int) -> float:
         """Return the seconds since the newest measurement; infinite before the first."""
@@ -169,11 +169,11 @@ class PlatformState:
 
 
 class Seen(NamedTuple):
-    """An observation with the frame it was made from."""
+    """An observation and the frame it was made from."""
 
     frame: Frame
     observation: Observation
     taken_ns: int | None = None
-    """When perception had the frame, by the run's clock; None where frames are segmented without one."""
+    """When perception received the frame, by the run's clock; None when segmenting without a clock."""
     ready_ns: int | None = None
     """When the observation was made, likewise."""

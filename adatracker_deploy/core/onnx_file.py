@@ -1,7 +1,6 @@
-"""What an ONNX file may hold before a robot's computer runs it: plain operators, no loop, all weights inside.
+"""Checks an ONNX file before it is run: plain operators, no loops, all weights inside.
 
-The file is walked as the protobuf message it is, so that nothing hides in a subgraph, a function or an
-attribute.
+The whole protobuf message is walked, so nothing can hide in a subgraph, a function or an attribute.
 """
 
 from __future__ import annotations
@@ -15,20 +14,19 @@ from google.protobuf.message import DecodeError, Message
 from adatracker_deploy.core.errors import UsageError
 
 OWN_DOMAINS = ("", "ai.onnx")
-"""Two spellings of ONNX's own operators."""
+"""The two spellings of ONNX's own operator domain."""
 ENDLESS = frozenset({"Loop", "Scan", "SequenceMap"})
-"""Operators that run a graph of their own again and again: a Loop without a trip count for ever, Scans in
-Scans nearly so. No shipped network and none of the toolkit's exports has one; what has a fixed length can be
-unrolled."""
+"""Operators that repeat a subgraph: a Loop without a trip count never ends, nested Scans hardly do. No
+shipped network and no export of the toolkit has one; a loop of fixed length can be unrolled."""
 RUNTIME_DOMAINS = (*OWN_DOMAINS, "com.microsoft")
-"""And those that every onnxruntime carries besides: its quantiser and its optimiser write them."""
+"""`OWN_DOMAINS` and those built into every onnxruntime, which its quantiser and optimiser write."""
 
 
 def read_model(data: bytes, *, where: str) -> Any:
-    """Return the ONNX ModelProto of a file's bytes; nothing of it is checked yet.
+    """Parse a file's bytes as an ONNX ModelProto; checks nothing else.
 
     Raises:
-        UsageError: the bytes are no ONNX model.
+        UsageError: the bytes are not an ONNX model.
     """
     try:
         model = onnx.load_model_from_string(data)
@@ -38,23 +36,23 @@ def read_model(data: bytes, *, where: str) -> Any:
 
 
 def opsets(model: Any) -> list[int]:
-    """Return the versions of ONNX's own operators that a model states: one, if it is sound."""
+    """Return the opset versions of ONNX's own operators that a model states; a valid model states one."""
     return [entry.version for entry in model.opset_import if entry.domain in OWN_DOMAINS]
 
 
 def check_plain(
     model: Any, *, where: str, domains: tuple[str, ...] = OWN_DOMAINS, outside: bool = False
 ) -> set[str]:
-    """Refuse a model that needs more than its own file and an ordinary runtime.
+    """Refuse a model that needs more than its own file and a standard runtime.
 
     Args:
         model: a ModelProto.
         where: the file's path, for errors.
-        domains: whose operators it may use.
-        outside: whether it may keep weights in other files.
+        domains: operator domains that it may use.
+        outside: whether its weights may be in other files.
 
     Returns:
-        The names of the other files, as the model writes them.
+        The names of those files, as written in the model.
 
     Raises:
         UsageError: one line that names the file and the reason.

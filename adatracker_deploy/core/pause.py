@@ -1,8 +1,8 @@
-"""For how long a rehearsal's machine has slept: one number in a file that the run's processes share.
+"""Simulated suspend time of a rehearsal: one number in a file shared by the run's processes.
 
-In a real suspend CLOCK_MONOTONIC stands still and CLOCK_BOOTTIME goes on. A rehearsal stops its processes
-instead, adds the time here before they go on, and their `MonotonicClock` takes it off. Nobody reads it while
-it is written: whoever reads is stopped.
+In a real suspend CLOCK_MONOTONIC stops and CLOCK_BOOTTIME goes on. A rehearsal stops its processes instead
+and adds the time here before they continue; their `MonotonicClock` subtracts it. Nobody reads the file while
+it is written, because every reader is stopped.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ _TOTAL = struct.Struct("<q")
 
 
 def create(path: str) -> None:
-    """Make the file; nothing has slept yet.
+    """Create the file with a suspend time of 0.
 
     Raises:
-        OSError: it cannot be written, or exists.
+        OSError: it cannot be written, or exists already.
     """
     fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     with os.fdopen(fd, "wb") as file:
@@ -27,13 +27,13 @@ def create(path: str) -> None:
 
 
 def add(path: str, slept_ns: int) -> None:
-    """Note that the machine has slept for longer, ns."""
+    """Add to the suspend time, ns."""
     shared = _shared(path)
     _TOTAL.pack_into(shared, 0, total_ns(path) + slept_ns)
 
 
 def total_ns(path: str) -> int:
-    """Return for how long the machine has slept in all, ns."""
+    """Return the total suspend time, ns."""
     (total,) = _TOTAL.unpack_from(_shared(path))
     return int(total)
 

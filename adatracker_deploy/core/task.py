@@ -1,4 +1,4 @@
-"""The paper's task in numbers: where the robot should be, its reward, and when the target counts as seen.
+"""The paper's task: desired position, reward, and when the target counts as visible.
 
 Source: AdaTracker, section "Experimental Setup", task setting and reward.
 """
@@ -10,11 +10,11 @@ import math
 DESIRED_DISTANCE_M = 2.5
 """rho* of the task setting."""
 MAX_DISTANCE_M = 7.5
-"""rho_max: the reward's scale, and as far as a target counts as visible."""
+"""rho_max: the reward's scale, and the largest distance at which a target counts as visible."""
 MAX_BEARING_RAD = math.radians(45.0)
 """theta_max: the reward's scale, and half of the 90 degree field of view."""
 MAX_LOST_STEPS = 50
-"""So many lost steps in a row end a trial."""
+"""This many consecutive lost steps end a trial."""
 
 
 def step_reward(distance_m: float, bearing_rad: float) -> float:
@@ -28,5 +28,6 @@ def step_reward(distance_m: float, bearing_rad: float) -> float:
 
 
 def target_visible(distance_m: float, bearing_rad: float, in_mask: bool) -> bool:
-    """Tell whether a step counts as seen in simulation: within 7.5 m and 90 degrees, and in the mask."""
+    """Return whether the target counts as visible in simulation: within 7.5 m and 90 degrees, and in the
+    mask."""
     return in_mask and distance_m <= MAX_DISTANCE_M and abs(bearing_rad) <= MAX_BEARING_RAD

@@ -1,1 +1,1 @@
-"""What a machine and a robot must be like before a trial, and how to mend what is not."""
+"""Checks of a machine and a robot before a trial; each failure says how to fix it."""

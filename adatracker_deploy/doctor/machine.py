@@ -1,4 +1,4 @@
-"""Checks of the machine itself: judged by pure functions, asked of Linux by `machine_checks`."""
+"""Checks the machine: `machine_checks` reads its state from Linux, pure functions judge it."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from adatracker_deploy.platform import Check
 from adatracker_deploy.runtime.scheduling import MEND, MEND_AWAKE, Scheduling
 
 FEWEST_CORES = 2
-"""The tracker needs one, its perception another."""
+"""One for the tracker, one for its perception."""
 LOG_BYTES_PER_S = 1_000_000
-"""Of a trial with 640x480 pictures at 20 Hz, about."""
+"""Approximate log rate of a trial with 640x480 images at 20 Hz, bytes/s."""
 LEAST_LOG_S, FEW_LOG_S = 300, 3600
-"""Seconds of trials that must fit on the disk; and below which it is worth a word."""
+"""Seconds of trials that must fit on the disk; and the level below which to warn."""
 STEADY_CLOCKS = ("tsc", "arch_sys_counter", "kvm-clock", "hyperv_clocksource_tsc_page")
-"""Linux's clock sources that are read in nanoseconds, without a system call to a slow device."""
+"""Linux clock sources that are read in nanoseconds, without a system call to a slow device."""
 COARSEST_CLOCK_S = 1e-6
 
 _GOVERNORS = Path("/sys/devices/system/cpu")
 _STAT = Path("/proc/stat")
 _STEAL = 8
-"""Its column of the time in which a core was ready to run, but the host ran others (proc_stat(5))."""
+"""Column of steal time in /proc/stat: a core was ready to run, but the host ran others (proc_stat(5))."""
 _CLOCK = Path("/sys/devices/system/clocksource/clocksource0/current_clocksource")
 
 
 def machine_checks(place: Path) -> tuple[Check, ...]:
-    """Ask this machine everything that takes no time; `place` is the folder for logs."""
+    """Run all quick checks of this machine; `place` is the folder for logs."""
     governors = {path.read_text().strip() for path in _GOVERNORS.glob("cpu[0-9]*/cpufreq/scaling_governor")}
     return (
         cores_check(len(os.sched_getaffinity(0)), os.getloadavg()[0]),
@@ -44,9 +44,9 @@ def machine_checks(place: Path) -> tuple[Check, ...]:
 
 
 def stolen_s() -> float:
-    """Return for how long its host has kept this machine from running since it started, summed over cores.
+    """Return the time stolen by the host since this machine started, s, summed over cores.
 
-    0 on a machine of its own, and where the system does not tell.
+    0 on bare metal, and where the system does not report it.
     """
     if not _STAT.exists():
         return 0.0
@@ -54,7 +54,7 @@ def stolen_s() -> float:
 
 
 def cores_check(count: int, load: float) -> Check:
-    """Judge the cores that this process may use, and how busy they were in the last minute."""
+    """Check the number of usable cores and their load in the last minute."""
     if count < FEWEST_CORES:
         return Check("cores", False, f"{count}: perception and the loop want {FEWEST_CORES}", blocking=False)
     if load > count / 2:
@@ -63,7 +63,7 @@ def cores_check(count: int, load: float) -> Check:
 
 
 def governor_check(governors: set[str]) -> Check:
-    """Judge the names of the cores' frequency governors; none where the machine does not tell."""
+    """Check the cores' frequency governors; none where the machine does not report them."""
     if not governors:
         return Check("frequency", True, "not this machine's to set")
     ok = governors == {"performance"}
@@ -72,7 +72,7 @@ def governor_check(governors: set[str]) -> Check:
 
 
 def realtime_check(allowed: bool, awake: bool) -> Check:
-    """Judge whether this process may have what ``--realtime`` asks for: priority, and cores kept awake."""
+    """Check whether this process may have what ``--realtime`` needs: priority, and cores kept awake."""
     if allowed:
         sleep = "keeps cores awake" if awake else f"cores may sleep; to keep them awake: {MEND_AWAKE}"
         return Check("real-time priority", True, f"allowed: --realtime, {sleep}")
@@ -93,7 +93,7 @@ def _may_keep_awake() -> bool:
 
 
 def clock_check(source: str | None, resolution_s: float) -> Check:
-    """Judge the monotonic clock."""
+    """Check the monotonic clock."""
     told = f"{source or 'unknown source'}, resolution {resolution_s * 1e9:.0f} ns"
     steady = source is None or source in STEADY_CLOCKS
     if steady and resolution_s <= COARSEST_CLOCK_S:
@@ -102,7 +102,7 @@ def clock_check(source: str | None, resolution_s: float) -> Check:
 
 
 def space_check(free_bytes: int, folder: Path) -> Check:
-    """Judge the room for logs; too little refuses."""
+    """Check the disk space for logs; too little blocks."""
     left_s = free_bytes / LOG_BYTES_PER_S
     told = f"{free_bytes / 1e9:.1f} GB free at {folder}, {left_s / 3600:.1f} h of trials"
     if left_s >= FEW_LOG_S:

@@ -1,4 +1,4 @@
-"""What takes time: measured on this machine by running it, then judged against the loop's budget."""
+"""Timing checks: measured on this machine, then judged against the loop's budget."""
 
 from __future__ import annotations
 
@@ -28,15 +28,17 @@ if TYPE_CHECKING:
     from adatracker_deploy.policy.base import Policy
 
 LATE_P99_S, LATE_MAX_S = 0.002, 0.010
-"""Of the loop's ticks, on a robot."""
+"""Largest lateness of the loop's ticks on a robot, s: 99th percentile, maximum."""
 POLICY_SHARE = 0.25
-"""Of the loop's period, that a policy's slowest tick of a hundred may take; half of it refuses."""
+"""Share of the loop's period that the policy's 99th-percentile tick may take; more than half of the period
+blocks."""
 SLOW_SYNC_S, BLOCKING_SYNC_S = 0.1, 1.0
-"""For what the log writes in a second, at the slowest; the writer's queue holds several seconds."""
+"""Slowest write and sync of one second of log, s: to warn, to block. The writer's queue holds several
+seconds."""
 PICTURE = (480, 640)
 
 WORTH_TELLING_S = 0.05
-"""Of stolen time; Linux counts it in hundredths of a second."""
+"""Stolen time worth reporting, s; Linux counts it in hundredths of a second."""
 
 _POLICY_TICKS, _PICTURES, _SYNCS = 200, 40, 12
 _CAMERA_S = 2.0
@@ -44,19 +46,19 @@ _CAMERA_S = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Lateness:
-    """How late a loop's ticks were."""
+    """Lateness statistics of a loop."""
 
     seconds: tuple[float, ...]
     missed: int
-    """Slots, all together."""
+    """Missed slots in total."""
     in_a_row: int
-    """Slots, at the worst."""
+    """Most consecutive missed slots."""
     stolen_s: float = 0.0
-    """What a virtual machine's host took of its cores meanwhile, all together."""
+    """Time that a virtual machine's host took from its cores meanwhile, summed."""
 
 
 def measured_lateness(policy: Policy, clock: Clock, seconds: float) -> Lateness:
-    """Run the loop's pacer with the policy in it, and nothing else, for this long."""
+    """Run only the loop's pacer and the policy for this long."""
     policy.reset()
     observation = _nothing(clock)
     policy.act(observation)
@@ -76,7 +78,7 @@ def measured_lateness(policy: Policy, clock: Clock, seconds: float) -> Lateness:
 
 
 def lateness_check(late: Lateness, rate_hz: float) -> Check:
-    """Judge the loop; as many slots missed in a row as end a trial refuse."""
+    """Check the loop; as many consecutive missed slots as would end a trial block."""
     p50, p99, most = _percentiles(late.seconds)
     told = f"at {rate_hz:g} Hz late by p50 {p50 * 1e3:.1f}, p99 {p99 * 1e3:.1f}, at most {most * 1e3:.1f} ms"
     told += f", {late.missed} slots missed" if late.missed else ", no slot missed"
@@ -90,14 +92,14 @@ def lateness_check(late: Lateness, rate_hz: float) -> Check:
 
 
 def measured_policy(policy: Policy, clock: Clock) -> tuple[float, ...]:
-    """Return the seconds of some ticks of the policy, warm."""
+    """Return the duration of several warm policy ticks, s."""
     policy.reset()
     observation = _nothing(clock)
     return _timed(lambda: policy.act(observation), _POLICY_TICKS)
 
 
 def policy_check(seconds: Sequence[float], rate_hz: float) -> Check:
-    """Judge the policy's ticks against the loop's period."""
+    """Check the policy's ticks against the loop's period."""
     p50, p99, _ = _percentiles(seconds)
     share = p99 * rate_hz
     told = f"a tick takes p50 {p50 * 1e3:.2f}, p99 {p99 * 1e3:.2f} ms of {1e3 / rate_hz:.0f}"
@@ -107,7 +109,7 @@ def policy_check(seconds: Sequence[float], rate_hz: float) -> Check:
 
 
 def measured_perception(segmenter: Segmenter, clock: Clock) -> tuple[float, ...]:
-    """Return the seconds that pictures of 640x480 take, warm; of noise, so that nobody is found in them."""
+    """Return the warm perception times for 640x480 images of noise, s; nobody is found in them."""
     rng = np.random.default_rng(0)
     picture = rng.integers(0, 256, (*PICTURE, 3), np.uint8)
     segmenter.reset()
@@ -117,7 +119,7 @@ def measured_perception(segmenter: Segmenter, clock: Clock) -> tuple[float, ...]
 
 
 def perception_check(seconds: Sequence[float]) -> Check:
-    """Judge the segmenter; pictures that would be too old when they are understood refuse."""
+    """Check the segmenter; block if its results would be too old to use."""
     p50, p95 = np.percentile(seconds, (50, 95))
     told = f"640x480 takes p50 {p50 * 1e3:.0f}, p95 {p95 * 1e3:.0f} ms, more with people in it"
     if p95 < STALE_OBSERVATION_S / 3:
@@ -127,7 +129,7 @@ def perception_check(seconds: Sequence[float]) -> Check:
 
 
 def measured_disk(folder: Path) -> tuple[float, ...]:
-    """Return how many seconds it takes to write and sync what a second of a trial writes, a few times."""
+    """Return several times, s, to write and sync one second's worth of log."""
     data = os.urandom(LOG_BYTES_PER_S)
     took = []
     with TemporaryFile(dir=folder) as file:
@@ -141,7 +143,7 @@ def measured_disk(folder: Path) -> tuple[float, ...]:
 
 
 def disk_check(seconds: Sequence[float]) -> Check:
-    """Judge the disk under the logs."""
+    """Check the disk under the logs."""
     p50, _, most = _percentiles(seconds)
     told = f"a second of a trial is written and synced in p50 {p50 * 1e3:.0f}, at most {most * 1e3:.0f} ms"
     if most < SLOW_SYNC_S:
@@ -151,7 +153,7 @@ def disk_check(seconds: Sequence[float]) -> Check:
 
 
 def measured_camera(camera: Camera, clock: Clock) -> tuple[float, tuple[int, int]]:
-    """Return the frames a second of an open camera, and their height and width.
+    """Return an open camera's frame rate, Hz, and its frames' height and width.
 
     Raises:
         PlatformError: it gives no frames.
@@ -169,7 +171,7 @@ def measured_camera(camera: Camera, clock: Clock) -> tuple[float, tuple[int, int
 
 
 def camera_check(rate_hz: float, shape: tuple[int, int], policy_hz: float) -> Check:
-    """Judge a camera against the policy's rate."""
+    """Check a camera against the policy's rate."""
     told = f"{shape[1]}x{shape[0]} at {rate_hz:.1f} Hz"
     ok = rate_hz >= 0.95 * policy_hz
     mend = (

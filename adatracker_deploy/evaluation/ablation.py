@@ -1,4 +1,4 @@
-"""What leaving a part out costs: arms of a few training seeds each, compared by their seeds' scores.
+"""Ablation study: variants with a few training seeds each, compared by their seeds' scores.
 
 The paper compares single runs. Here training seeds are the independent values: an arm's mean and its interval
 are over its seeds (each the mean over the grid), and the difference to the whole method is Welch's, so that

@@ -1,4 +1,4 @@
-"""What the latent context z knows of a body, and how fast: pure functions of recorded contexts.
+"""Probes what the latent context z encodes of a body, and how fast: pure functions of recorded contexts.
 
 z is taken less its mean over all bodies wherever directions are compared: a constant would look settled.
 """
@@ -34,7 +34,7 @@ EVERY_TICKS = 10
 RIDGE = 1.0
 """On standardised contexts; small against hundreds of ticks."""
 SETTLED = 0.95
-"""Of the cosine that is reached in the end."""
+"""Share of the final cosine at which a context counts as settled."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""The study of a policy's context: many bodies, a few episodes each way, and what came of it."""
+"""Context study of a policy: many bodies, a few episodes each, and the results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the study of a context is shown as: a table in a terminal, and a picture (needs matplotlib)."""
+"""Shows a context study as a table in a terminal and as a figure (needs matplotlib)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where pictures go; they are drawn with matplotlib, which the train extra brings."""
+"""Figure output with matplotlib, which is in the train extra."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which episodes make up the grid: the paper's 16 bodies, some episodes each, equal for every policy."""
+"""The evaluation grid: the paper's 16 bodies, several episodes each, the same for every policy."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from adatracker_deploy.policy.onnx_policy import OnnxPolicy
 from adatracker_deploy.sim import check_scene
 
 PAPER_SCENE, PAPER_STEPS = "simple_room", 500
-"""Of the paper's table of per-embodiment results."""
+"""Scene and episode length of the paper's per-embodiment results."""
 MOST_EPISODES = 10_000
 """Episodes of a cell have seeds of their own, of which each cell has so many."""
 
@@ -24,7 +24,7 @@ class Cell:
     """One of the paper's embodiments."""
 
     height_m: float
-    """Of the camera."""
+    """Height of the camera."""
     target_speed_m_s: float
     """The tracker's own limit follows from it, see `learning.conditions`."""
 
@@ -48,7 +48,7 @@ class Grid:
     episodes: int = 20
     """A cell."""
     seed: int = 0
-    """Of the whole; another one gives other episodes, all of them kept for evaluation."""
+    """Seed of the whole grid; another one gives other episodes, all reserved for evaluation."""
     steps: int = PAPER_STEPS
     """The horizon."""
 

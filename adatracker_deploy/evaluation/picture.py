@@ -1,4 +1,4 @@
-"""The grid's scores as heat maps, a panel a policy (needs matplotlib, which the train extra brings)."""
+"""The grid's scores as heat maps, one panel per policy (needs matplotlib, from the train extra)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Episodes played by policies, in this process or in several: one policy, one network session a process."""
+"""Runs policies on episodes in one or several processes, with one network session per policy and process."""
 
 from __future__ import annotations
 
@@ -130,7 +130,8 @@ class _Players:
 
 
 _worker = _Players()
-"""Of a worker process, which lives for one `play_all` and so never sees a policy that changes on disk."""
+"""The players of a worker process, which lives for one `play_all` and so never sees a policy change on
+disk."""
 
 
 def _become_worker() -> None:

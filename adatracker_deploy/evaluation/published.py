@@ -1,4 +1,4 @@
-"""The paper's own figures: Table II of AdaTracker, per-embodiment results in SimpleRoom, as printed."""
+"""The paper's own results: Table II of AdaTracker, per embodiment in SimpleRoom, as printed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A method's row of the paper's table, measured or published: what tables, LaTeX and pictures draw."""
+"""A method's row of the paper's table, measured or published, for tables, LaTeX and figures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the grid's episodes come to: AR, EL and SR by cell and overall, and differences between policies.
+"""Scores of the grid: AR, EL and SR by cell and overall, and differences between policies.
 
 Overall values are means of the cells' means. Their intervals take the cells as the independent values
 (clusters): episodes of one body are alike, so a thousand of them say little about the next body. A difference

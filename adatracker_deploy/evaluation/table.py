@@ -1,4 +1,5 @@
-"""The grid's scores in a terminal, laid out as in the paper: a row a height, a column a target's speed."""
+"""The grid's scores in a terminal, laid out as in the paper: one row per height, one column per target
+speed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a row left, and whether its fault took effect: by what others saw, never by who injected it. Pure."""
+"""The evidence of a row, and whether its fault took effect, judged without the injector's own word. Pure."""
 
 from __future__ import annotations
 
@@ -17,33 +17,34 @@ if TYPE_CHECKING:
     from adatracker_deploy.sim.ground_truth import Account
 
 SOON_NS = 1_000_000_000
-"""By then what happens once has happened, on a busy machine too."""
+"""Within this time a single event has happened, even on a busy machine."""
 KILLED_NS = 250_000_000
-"""A link that is gone so soon has not ended by itself: it disengages first, and waits for the tracker."""
+"""A link that ends this soon did not end by itself: it would disengage first and wait for the tracker."""
 INTERRUPTED_STATUS = 130
-"""Of a command that was told to stop, whichever way."""
+"""Exit status of a command that was told to stop, in whatever way."""
 STOOD_S = 0.09
-"""An interpreter that stands still for 0.1 s is seen to by a thread that naps for 5 ms."""
+"""Least stall to look for: a stall of 0.1 s is noticed by a thread that sleeps 5 ms at a time."""
 JUMP = 1.5
-"""From one end of an action, -1, to the other is 2; a policy that follows a person changes by 0.1."""
+"""Least change of an action that counts as a jump: its range is 2; a policy that follows changes it by
+0.1."""
 STARVED_CORES = 0.9
-"""Share of each core, or of four, that hogs take."""
+"""Share of each core, or of four, that CPU hogs take."""
 HOGS = 4
 
 
 @dataclass(frozen=True, slots=True)
 class Tick:
-    """As much of a logged tick as tells of a fault."""
+    """The fields of a logged tick that show a fault."""
 
     t_ns: int
     frame: int
-    """Number of the picture that it acted on."""
+    """Sequence number of the frame that it acted on."""
     action: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
-    """What a row left; times are the machine's, ns."""
+    """The evidence of one row; times are the machine's, ns."""
 
     account: Account
     seen: Seen = field(default_factory=Seen)
@@ -51,27 +52,27 @@ class Evidence:
     status: int | None = None
     """The command's exit status; -1 when it had to be killed."""
     outcome: str = ""
-    """Of the trial; empty when it could not say."""
+    """The trial's outcome; empty if it reported none."""
     reason: str = ""
-    """What was said of its end: by the trial, or on the screen where there was none."""
+    """The reason given for its end: by the trial, or on the screen if there was no trial."""
     latched_s: float | None = None
-    """From the onset until the link's stop, by its own clock; None when it latched none."""
+    """From the onset until the link's stop, by its own clock; None without a stop."""
     noticed: str = ""
-    """Who first said something after the onset: ``link`` or ``tracker``."""
+    """Who first reported something after the onset: ``link`` or ``tracker``."""
     ticks: tuple[Tick, ...] = ()
     log_trouble: bool = False
-    """The run said that its log is not whole."""
+    """The run reported that its log is incomplete."""
     log_whole: bool = True
-    """It is: the log has its end."""
+    """The log is complete: it has its end."""
     exit_s: float = 0.0
     """From the onset until the command had ended."""
 
 
 def without_effect(fault: str, evidence: Evidence, onset_ns: int) -> str:
-    """Say what is missing to believe that a fault took effect; empty when nothing is.
+    """Return what is missing to show that a fault took effect; empty if nothing is.
 
-    What the robot suffers the robot says itself. Faults of ours that have no sign of their own must end the
-    trial, and for the reason that is expected (`matrix.Row.words`).
+    The robot itself records the faults that affect it. A fault of our own processes that leaves no other
+    trace must end the trial for the expected reason (`matrix.Row.words`).
     """
     if fault not in _OURS and not any(
         name == fault and t_ns >= onset_ns for t_ns, name in evidence.account.suffered

@@ -1,4 +1,5 @@
-"""Gathers a row's evidence: the command's exit and words, the trial's log, what was watched from outside."""
+"""Gathers a row's evidence: the command's exit status and output, the trial's log, the monitored
+processes."""
 
 from __future__ import annotations
 
@@ -21,11 +22,11 @@ if TYPE_CHECKING:
     from adatracker_deploy.sim.ground_truth import Account
 
 _LONGEST = 200
-"""Characters of a reason."""
+"""Longest reason, characters."""
 
 
 def said(done: subprocess.CompletedProcess[str]) -> str:
-    """Return the last thing that a run said on the screen."""
+    """Return the last line that a run printed."""
     lines = done.stderr.strip().splitlines()
     if any("Traceback" in line for line in lines):
         return f"Traceback: {lines[-1]}"
@@ -36,14 +37,14 @@ def said(done: subprocess.CompletedProcess[str]) -> str:
 def gather(
     row: Row, done: subprocess.CompletedProcess[str], watch: Watch, folder: Path, account: Account
 ) -> Evidence:
-    """Return what a run left.
+    """Return a run's evidence.
 
     Args:
-        row: that it was of.
-        done: the command, ended.
-        watch: of its processes.
-        folder: for the trials' logs; made by a run that came so far.
-        account: of its robot's witness.
+        row: the row that was run.
+        done: the finished command.
+        watch: the monitor of its processes.
+        folder: for the trials' logs; created by a run that got that far.
+        account: its robot's ground-truth record.
     """
     summary: dict[str, Any] = {}
     with contextlib.suppress(IndexError, ValueError):
@@ -65,7 +66,7 @@ def gather(
     except (UsageError, ValueError):
         return evidence  # the same
     onset_ns = account.onset_ns(row.fault) or 0
-    # The run's clock is the machine's, but for a rehearsed suspend; the log's events carry the wall's.
+    # The run's clock is the machine's, except in a simulated suspend; the log's events have wall-clock times.
     events = [(event.wall_ns - (logged.wall_offset_ns or 0), event) for event in logged.events]
     later = [(t_ns, event) for t_ns, event in events if t_ns > onset_ns]
     stops = [pair for pair in later if pair[1].message.startswith(("holding: ", "disengaging: "))]
@@ -84,7 +85,7 @@ _OUTCOMES = ("completed", "lost", "collision", "safety_stop", "takeover", "syste
 
 
 def _noticed(row: Row, message: str, level: str) -> str:
-    """Say who noticed first: a link's stop that nobody asked for is a warning. Pure."""
+    """Return who noticed first: a link's stop that nobody requested is a warning. Pure."""
     if row.fault in {"tracker_kill", "tracker_stop"}:
         return "link"
     if row.fault in {"link_kill", "link_stop"}:

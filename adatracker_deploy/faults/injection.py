@@ -1,8 +1,7 @@
-"""Injects a schedule of faults into the rehearsal that runs in this process, each at its real place.
+"""Injects a schedule of faults into the rehearsal in this process, each where it would really occur.
 
-Ours are struck here (`parts` that go wrong, `strikes`), the others are ordered from the simulator, whose
-place they are. A thread waits for each fault's phase and time, so that it strikes whatever the trial does
-then.
+Faults of our processes are injected here (`parts`, `strikes`); the others are commanded to the simulator. A
+thread waits for each fault's phase and time, so that injection does not depend on what the trial does then.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ if TYPE_CHECKING:
     from adatracker_deploy.trial.log import TrialLog
 
 AFTERMATH_S = 1.0
-"""How long the robot is watched after a fault is over: what was mended must resume nothing."""
+"""How long the robot is monitored after a fault is over: its end must not restart any motion."""
 _FIRST_WORDS = 1000
 IN_PARTS = (
     *("camera_freeze", "segmenter_stall", "segmenter_error"),
@@ -47,13 +46,13 @@ assert {*STRIKES, *IN_PARTS} == {fault.name for fault in OURS}
 
 
 class Injection:
-    """One trial's faults, and the witness of what they do.
+    """One trial's faults, and the ground-truth record of their effect.
 
     Args:
-        strikes: what shall happen when.
-        simulator: the simulated robot's, started.
-        clock: the run's, at the machine's own pace.
-        log_dir: where the witness writes until the trial has a folder; one that exists already is kept.
+        strikes: what to inject, and when.
+        simulator: the simulated robot's, already started.
+        clock: the run's, in real time.
+        log_dir: where ground truth is written until the trial has a folder; an existing folder is kept.
     """
 
     def __init__(
@@ -66,14 +65,14 @@ class Injection:
         self._log: TrialLog | None = None
         self._link: LinkProcess | None = None
         self._untold: list[str] = []
-        """Said before there was a log."""
+        """Messages from before there was a log."""
         self._news = threading.Condition()
         self._entered: dict[TrialPhase, float] = {}
-        """When each phase began, machine time."""
+        """When each phase began, machine time, s."""
         self._ongoing: dict[str, tuple[float, ScheduledFault]] = {}
-        """What has begun, and when it is over at the soonest; infinite while it is being struck."""
+        """Active faults, and the earliest end of each; infinite while it is being injected."""
         self._struck_s: dict[str, float] = {}
-        """When each fault last took effect, machine time."""
+        """When each fault last took effect, machine time, s."""
         self._ended = False
         self._own_file = None if simulator.witness else log_dir / f".{os.getpid()}-{time.monotonic_ns()}"
         self._file = simulator.witness or self._new_file(log_dir)
@@ -86,19 +85,20 @@ class Injection:
         self._thread.start()
 
     def camera(self, whole: Camera) -> Camera:
-        """Return the camera, such that it can freeze; one that the simulator carries freezes there."""
+        """Return the camera wrapped so that it can freeze; a simulator's own camera freezes in the
+        simulator."""
         return FrozenCamera(whole, self._switch)
 
     def segmenter(self, whole: Segmenter) -> Segmenter:
-        """Return the segmenter, such that it can go wrong."""
+        """Return the segmenter wrapped for fault injection."""
         return FaultySegmenter(whole, self._switch)
 
     def policy(self, whole: Policy) -> Policy:
-        """Return the policy, such that it can go wrong."""
+        """Return the policy wrapped for fault injection."""
         return FaultyPolicy(whole, self._switch)
 
     def attend(self, log: TrialLog) -> None:
-        """Take note of whom to tell; the trial's folder has the witness from now on."""
+        """Note where to report; from now on ground truth is in the trial's folder."""
         self._log = log
         with contextlib.suppress(OSError):  # a file system without hard links
             (log.folder / FILE_NAME).hardlink_to(self._file)
@@ -106,13 +106,13 @@ class Injection:
             self._say(text)
 
     def enter(self, name: str, link: LinkProcess | None = None) -> None:
-        """Take note that the trial has entered a phase; every later call for that phase does nothing."""
+        """Note that the trial has entered a phase; repeated calls do nothing."""
         phase = TrialPhase(name)
         with self._news:
             if phase in self._entered:
                 return
             if link is not None and self._link is None:
-                self._witness.process("link", link.pid)  # before it bears its name, too
+                self._witness.process("link", link.pid)  # even before it has its name
             self._link = link or self._link
             self._witness.phase(phase)
             self._entered[phase] = time.monotonic()
@@ -121,9 +121,9 @@ class Injection:
             self._take_off.watch()
 
     def outlast(self) -> None:
-        """Return `AFTERMATH_S` after the last fault is over that began before the trial's end and lasts.
+        """Wait until `AFTERMATH_S` after the end of the last lasting fault that began before the trial's end.
 
-        What was to come before the trial's end does not come any more.
+        Faults scheduled before the trial's end are no longer injected.
         """
         with self._news:
             late = [strike for strike in self._to_come if strike.phase not in ENDING]
@@ -134,13 +134,13 @@ class Injection:
             time.sleep(AFTERMATH_S)
 
     def settle(self) -> None:
-        """Return when all that has begun is over; only what comes between two trials may still begin."""
+        """Wait until all active faults are over; only faults between two trials may still begin."""
         with self._news:
             self._give_up([strike for strike in self._to_come if strike.phase is not TrialPhase.BETWEEN])
             self._news.wait_for(lambda: not self._ongoing)
 
     def close(self) -> None:
-        """Leave nothing that is wrong, as far as it is ours; may be called twice."""
+        """End all faults of our own processes; may be called twice."""
         self.settle()
         with self._news:
             if TrialPhase.BETWEEN not in self._entered:
@@ -156,7 +156,7 @@ class Injection:
             self._own_file.unlink(missing_ok=True)
 
     def _new_file(self, log_dir: Path) -> Path:
-        """Make a file of our own, and have the robot's witness write there too."""
+        """Create a ground-truth file, and have the simulator write there too."""
         assert self._own_file is not None
         log_dir.mkdir(parents=True, exist_ok=True)
         GroundTruthRecorder(self._own_file).close()
@@ -188,7 +188,8 @@ class Injection:
                 self._news.notify_all()
 
     def _next(self) -> tuple[ScheduledFault, bool] | None:
-        """Wait for what comes next; return it and whether it begins, or None when nothing will."""
+        """Wait for the next change; return the fault and whether it begins, or None when there are no
+        more."""
         with self._news:
             while True:
                 now_s = time.monotonic()
@@ -210,7 +211,7 @@ class Injection:
                 self._news.wait(due_s - now_s if due_s < math.inf else None)
 
     def _over_s(self, name: str) -> float:
-        """Return when a fault is over: a part's lasts from when it took effect, however late."""
+        """Return when a fault is over; a fault in `parts` lasts from when it took effect, however late."""
         at_least_s, strike = self._ongoing[name]
         return max(at_least_s, self._struck_s.get(name, 0.0) + strike.fault.lasts_s)
 
@@ -220,7 +221,7 @@ class Injection:
             self._note(name, begins=True)
             self._simulator.order(f"begin {name}")
         elif name in IN_PARTS:
-            self._switch.begin(name)  # which notes it when it takes effect
+            self._switch.begin(name)  # which records it when it takes effect
         else:
             victims = self._victims()
             self._note(name, begins=True)
@@ -248,12 +249,12 @@ class Injection:
         )
 
     def _robot(self) -> int:
-        """Return the robot's process, which is the first thing that its witness writes; 0 if it has not."""
+        """Return the robot's process id, the first entry of its ground-truth record; 0 if missing."""
         with self._file.open() as file:
             return read_witness(file.read(_FIRST_WORDS)).process("robot") or 0
 
     def _note(self, name: str, *, begins: bool) -> None:
-        """Write it down, before anything happens of which nobody could tell any more."""
+        """Record it before anything happens that could prevent the record."""
         self._witness.fault(name, begins=begins)
         if begins:
             self._struck_s[name] = time.monotonic()

@@ -1,4 +1,4 @@
-"""Whether this process's interpreter runs: a thread that only sleeps, and tells of each time it could not."""
+"""Detects stalls of this process's interpreter with a thread that only sleeps and reports each delay."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ WORTH_TELLING_S = 0.05
 
 
 class InterpreterWatch:
-    """Watches until it is closed.
+    """Monitors until closed.
 
     Args:
-        stood: told, in a thread of its own, for how many seconds the interpreter stood still until now.
+        stood: called, in its own thread, with the length, s, of a stall that has just ended.
     """
 
     def __init__(self, stood: Callable[[float], None]) -> None:
@@ -27,7 +27,7 @@ class InterpreterWatch:
         self._thread.start()
 
     def close(self) -> None:
-        """Watch no more."""
+        """Stop monitoring."""
         self._ended.set()
         self._thread.join()
 

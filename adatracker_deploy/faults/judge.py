@@ -1,7 +1,7 @@
-"""Compares what happened with what is allowed. Pure: evidence in, a verdict out.
+"""Compares a row's evidence with its limits. Pure: evidence in, a verdict out.
 
-A verdict is never vacuous: the fault must have taken effect in its phase, the robot must have moved where it
-should, and the run must have ended for the reason that was expected.
+A verdict is never vacuous: the fault must have taken effect in its phase, the robot must have moved if it
+should, and the run must have ended for the expected reason.
 """
 
 from __future__ import annotations
@@ -25,64 +25,65 @@ if TYPE_CHECKING:
 __all__ = ["Evidence", "Result", "Verdict", "judge", "limit_of"]
 
 MOVING_M_S = 0.3
-"""Faster than this a robot moves, whether it flies or not: its stop shows something."""
+"""Speed above which a robot counts as moving, flying or not, so that its stop means something."""
 STILL_M_S = {True: 0.3, False: 0.05}
-"""Slower than this a robot stands, by whether it flies: a drone that hovers in wind is never quite still."""
+"""Speed below which a robot counts as standing, by whether it flies: a drone hovering in wind is never quite
+still."""
 CLIMBS_M_S = 0.2
-"""Faster upwards than this is no wind and no estimate's error."""
+"""Climb rate that neither wind nor an estimation error explains."""
 LANDED_M = 0.2
 AWAKE_S = 0.2
-"""What reaches the robot so long after the processes were stopped was sent by one that has woken."""
+"""A command that arrives this long after the processes were stopped was sent by one that has woken."""
 JITTER_S = 0.05
-"""By how much two commands may be further apart, or nearer, than they were sent."""
+"""Largest change of the interval between two commands in transit."""
 GAPS_S = 0.5
-"""Before and after the onset, in which gaps between commands are looked at."""
+"""Time before and after the onset in which gaps between commands are checked."""
 
 Verdict = Literal["ok", "LATE", "WRONG", "not shown"]
 _STOPS: frozenset[Measure] = frozenset({"told", "latched", "stands", "quiet", "woken", "climbs"})
-"""Measures that are a time which must not be longer."""
+"""Measures that are upper limits on a time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Result:
-    """A row's answer."""
+    """The result of one row."""
 
     platform: str
     fault: str
     says: str
     limit: str
-    """What is allowed, in few words."""
+    """The limit, in a few words."""
     phase: str = TrialPhase.FOLLOWING
     variant: str = ""
     why: str = ""
-    """What the limit is made of, where it is no round promise."""
+    """How the limit is derived, if it is not a round number."""
     value_s: float | None = None
-    """What the limit is of."""
+    """The measured value that the limit applies to."""
     told_s: float | None = None
     """From the onset until the last command that moves the robot."""
     latched_s: float | None = None
     stands_s: float | None = None
-    """From the onset until the robot's true speed has fallen for good."""
+    """From the onset until the robot has come to rest by its true speed."""
     onset_m_s: float | None = None
     """The robot's true speed at the onset."""
     stall_s: float = 0.0
-    """The machine's own longest stall about the onset."""
+    """The machine's own longest stall around the onset."""
     outcome: str = ""
     reason: str = ""
-    """What the run said of its end."""
+    """The run's own reason for its end."""
     noticed: str = ""
     """Who noticed first: tracker, link or robot."""
     again: str = ""
-    """What a second run did, right after and with the same robot; empty where there was none."""
+    """What an immediate second run with the same robot did; empty without one."""
     verdict: Verdict = "not shown"
     note: str = ""
     tries: int = 1
     first_failure: str = ""
-    """How the first try went wrong, of a row that was run again."""
+    """Why the first attempt failed, if the row was run again."""
 
     @property
     def name(self) -> str:
-        """The row's, as ``--fault`` of the matrix takes it."""
+        """The row's name, as for ``--fault`` of the matrix."""
         of_phase = "" if self.phase == TrialPhase.FOLLOWING else f"@{self.phase}{self.variant}"
         return f"{self.fault}{of_phase}"
 
@@ -90,14 +91,14 @@ class Result:
 def judge(
     row: Row, platform: str, says: str, evidence: Evidence, *, flies: bool, accel_m_s2: float
 ) -> Result:
-    """Return what a row's evidence amounts to.
+    """Judge a row's evidence.
 
     Args:
-        row: what is allowed.
-        platform: whose evidence it is.
-        says: what happened, for people.
-        evidence: of the row.
-        flies: the robot does: it hovers where others stand, and lands before the command ends.
+        row: the row with its limits.
+        platform: the robot's platform.
+        says: what happened, in words for people.
+        evidence: the row's.
+        flies: whether the robot flies: it hovers where others stand, and lands before the command ends.
         accel_m_s2: the largest acceleration that the profile allows.
     """
     account, limit_s = evidence.account, row.limit_of(platform)
@@ -152,7 +153,7 @@ def judge(
 
 
 def _shows_nothing(row: Row, evidence: Evidence, onset_ns: int) -> str:
-    """Say why the evidence shows nothing; empty when it is of the row's fault, in its phase, at speed."""
+    """Return why the evidence is vacuous; empty if it shows the row's fault, in its phase, at speed."""
     phase = evidence.account.phase_at(onset_ns)
     if phase != row.phase:
         return f"it struck while {phase or 'nothing was on'}"
@@ -163,7 +164,7 @@ def _shows_nothing(row: Row, evidence: Evidence, onset_ns: int) -> str:
 
 
 def _not_as_it_should(row: Row, evidence: Evidence, onset_ns: int, *, flies: bool) -> str:
-    """Say what came otherwise than it must, besides being late; empty when nothing did."""
+    """Return what went wrong besides lateness; empty if nothing did."""
     account, reason = evidence.account, evidence.reason
     engaged = any(began_ns > onset_ns for began_ns, phase in account.phases if phase == TrialPhase.ENGAGING)
     offboard_s = _offboard_after_s(account, onset_ns) if flies and row.stops else None
@@ -184,7 +185,7 @@ def _not_as_it_should(row: Row, evidence: Evidence, onset_ns: int, *, flies: boo
 def _offboard_after_s(account: Account, onset_ns: int) -> float | None:
     """Return when a drone last entered OFFBOARD after an onset, s; None if it did not.
 
-    PX4 goes back to it once it has landed and disarmed: that is no flight.
+    PX4 returns to it once it has landed and disarmed; that does not count.
     """
     entered = [t for t, mode, armed in account.modes if mode == "OFFBOARD" and armed and t > onset_ns]
     return (entered[-1] - onset_ns) / 1e9 if entered else None
@@ -196,7 +197,7 @@ def _quiet(account: Account, fault: str, onset_ns: int) -> float:
 
 
 def _woken(evidence: Evidence, onset_ns: int) -> float | None:
-    """Return the time from waking to the last moving command, s; None if nobody was seen to sleep."""
+    """Return the time from waking to the last motion command, s; None if no process was seen stopped."""
     stopped_ns = evidence.seen.first("link", "stopped", onset_ns, onset_ns + 2_000_000_000)
     if stopped_ns is None:
         return None
@@ -205,13 +206,13 @@ def _woken(evidence: Evidence, onset_ns: int) -> float | None:
 
 
 def _climbs(account: Account, onset_ns: int) -> float:
-    """Return when a drone last climbed, s after the onset; one that bounces as it touches down does not."""
+    """Return when a drone last climbed, s after the onset; a bounce at touch-down does not count."""
     climbs = (each for each in account.flight if each.up_m_s > CLIMBS_M_S and each.height_m > LANDED_M)
     return _since(onset_ns, (each.t_ns for each in climbs))
 
 
 def _gap(commands: tuple[Told, ...], onset_ns: int) -> tuple[float, str]:
-    """Return by how much the gate was late at the worst, s."""
+    """Return the gate's largest delay, s."""
     gaps_s = [
         ((later.t_ns - onset_ns) / 1e9, (later.t_ns - earlier.t_ns) / 1e9)
         for earlier, later in pairwise(commands)
@@ -235,9 +236,7 @@ def _burst(evidence: Evidence, onset_ns: int) -> tuple[float | None, str]:
 
 
 def _acceleration(commands: tuple[Told, ...], onset_ns: int) -> float:
-    """Return the largest change of forward speed per second, m/s^2, that cannot be jitter, braking to zero
-    at once left out.
-    """
+    """Return the largest forward acceleration, m/s^2, that jitter cannot explain; stops to zero are left out."""
     near = [told for told in commands if 0 <= told.t_ns - onset_ns < 2e9]
     largest = 0.0
     for first, earlier in enumerate(near):
@@ -255,7 +254,7 @@ def _since(onset_ns: int, times_ns: Iterable[int]) -> float:
 
 
 def limit_of(row: Row, platform: str) -> str:
-    """Say what a platform is allowed, in few words."""
+    """Return a platform's limit in a few words."""
     return _GOES_ON.get(row.measure, f"{row.measure} {row.limit_of(platform):g} s")
 
 
@@ -265,4 +264,4 @@ _GOES_ON: dict[Measure, str] = {
     "acceleration": "accelerates",
     "log": "goes on",
 }
-"""What is allowed where the robot goes on."""
+"""Texts of the limits of rows in which the robot goes on."""

@@ -1,7 +1,7 @@
-"""What each fault is allowed: one row a fault, the same for every robot that can suffer it. Pure.
+"""The fault matrix: one row with its limit per fault, for every robot that supports it. Pure.
 
-A limit is the time from a fault's onset until the last command that moves the robot has reached it; where
-nothing can reach it any more, until the link has latched its stop, or until the robot itself stands.
+A limit is the time from a fault's onset until the last motion command has reached the robot; if no command
+can reach it any more, until the link has latched its stop, or until the robot itself stands.
 """
 
 from __future__ import annotations
@@ -13,36 +13,36 @@ from typing import Any, Literal
 from adatracker_deploy.faults.phases import TrialPhase
 
 FOLLOWED_S = 2.0
-"""When a fault strikes a robot that follows: the person walks, and the robot has come up to speed."""
+"""Time of a fault while following, s: the person walks, and the robot is up to speed."""
 
 Measure = Literal[
     "told", "latched", "stands", "quiet", "woken", "climbs", "gap", "burst", "acceleration", "log"
 ]
-"""What a row's limit is of: the last motion command, the link's latched stop, the robot's standing, the last
-motion command while the fault lasts or after the machine has woken, the last moment at which a drone climbs;
-or, where the robot goes on: the commands' largest gap, the ticks' smallest, the acceleration asked for, and
-that the trouble is told."""
+"""What a row limits: the last motion command, the link's latched stop, the robot's standstill, the last
+motion command while the fault lasts or after the machine has woken, the last climb of a drone; or, where the
+robot goes on: the largest gap between commands, the smallest between ticks, the commanded acceleration, and
+that the trouble is reported."""
 
 TIMING: frozenset[Measure] = frozenset({"gap", "burst"})
-"""Measures of the loop's timing itself: no other robot may be rehearsed beside them."""
+"""Measures of the loop's timing; their rows must not run beside another rehearsal."""
 
 STOPPED = frozenset({"safety_stop", "system_fault"})
 TAKEN = frozenset({"takeover"})
 WENT_ON = frozenset({"completed", "lost", "collision"})
 INTERRUPTED = frozenset({"interrupted"})
 KILLED = frozenset({""})
-"""Who was killed says nothing."""
+"""A killed process reports no outcome."""
 ANY = STOPPED | TAKEN | WENT_ON | INTERRUPTED | KILLED
 
 LOOK_S = 0.01
-"""How often a simulator looks what has come."""
+"""Polling interval of a simulator."""
 SLOT_S = 0.02
-"""Of the link."""
+"""The link's period."""
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One fault and what is allowed."""
+    """One fault and its limit."""
 
     fault: str
     measure: Measure
@@ -50,35 +50,35 @@ class Row:
     endings: frozenset[str]
     """How the trial may end."""
     only: dict[str, float] | None = None
-    """Other limits of single platforms, s."""
+    """Different limits for single platforms, s."""
     why: str = ""
-    """What the limit is made of, where it is no round promise."""
+    """How the limit is derived, if it is not a round number."""
     exit_s: float = math.inf
-    """Within which the command must have ended, too; a drone lands first."""
+    """Time within which the command must also have ended; a drone lands first."""
     words: str = ""
-    """What must be among the reason that the run gives: a regular expression."""
+    """Regular expression that the run's reason must match."""
     phase: TrialPhase = TrialPhase.FOLLOWING
     after_s: float = FOLLOWED_S
-    """When it strikes, s after the phase has begun."""
+    """When it is injected, s after the phase has begun."""
     on: tuple[str, ...] = ()
-    """The platforms that it is shown on; empty for all that can suffer it."""
+    """The platforms on which it is tested; empty for all that support it."""
     elsewhere: str = ""
-    """Why it is not shown on the others."""
+    """Why it is not tested on the others."""
     trials: int = 1
     ends_run: bool = False
-    """Nothing may be engaged any more after it."""
+    """Nothing may engage after it."""
     lands: bool = True
-    """A robot that flies must have landed in the end."""
+    """A flying robot must have landed in the end."""
     again: bool = False
-    """A second run follows, with the robot as it was left."""
+    """A second run follows, with the robot as the first left it."""
     variant: str = ""
-    """Which of several rows of the same fault and phase."""
+    """Distinguishes rows of the same fault and phase."""
     changes: dict[str, dict[str, Any]] | None = None
-    """What its profile has otherwise, by section."""
+    """Changes to the profile, by section."""
 
     @property
     def name(self) -> str:
-        """Return it as ``--fault`` of the matrix takes it: of what is struck while following, the fault."""
+        """Return its name as for ``--fault`` of the matrix; while following, just the fault."""
         return (
             self.fault if self.phase is TrialPhase.FOLLOWING else f"{self.fault}@{self.phase}{self.variant}"
         )
@@ -90,11 +90,11 @@ class Row:
 
     @property
     def stops(self) -> bool:
-        """Whether the fault must end the trial, and so all that was asked for."""
+        """Whether the fault must end the trial, and with it the whole command."""
         return not self.endings & WENT_ON
 
     def limit_of(self, platform: str) -> float:
-        """Return the limit that holds for a platform, s."""
+        """Return the limit for a platform, s."""
         return (self.only or {}).get(platform, self.limit_s)
 
 
@@ -138,7 +138,7 @@ FOLLOWING = (
     Row("action_jump", "acceleration", 1.0, WENT_ON | STOPPED, why="never above the profile's"),
     Row("disk_full", "log", 0.0, WENT_ON, why="and the trouble is told"),
 )
-"""What is struck while the robot follows, before what their reasons must say."""
+"""Rows of faults while following, before their expected reasons are added."""
 
 _OPERATOR = "operator|interrupted"
 _SILENCE = "deadlines_missed|command_lost"
@@ -158,28 +158,28 @@ _WORDS = {
     "battery_low": "battery",
     "suspend": "suspend",
 }
-"""What the reason of a trial that a fault has stopped must say, by fault: a regular expression."""
+"""Expected reason of a trial stopped by each fault: a regular expression."""
 
 
 def with_words(row: Row) -> Row:
-    """Return a row with what its reason must say, where it must end the trial in a way that can be told."""
+    """Return a row with its expected reason, if it must end the trial in a reported way."""
     tells = row.stops and not row.endings & KILLED
     return replace(row, words=row.words or _WORDS.get(row.fault, "")) if tells else row
 
 
 ROWS = tuple(map(with_words, FOLLOWING))
-"""What is struck while the robot follows."""
+"""Rows of faults while following."""
 
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """What is wrong from the start, and must be refused before anything moves."""
+    """A request that is wrong from the start, and must be refused before anything moves."""
 
     name: str
     says: str
     status: int
     words: str
-    """What the one line says, among other words."""
+    """Text that the error line must contain."""
 
 
 REFUSALS = (
@@ -196,7 +196,7 @@ NOT_SHOWN = {
     "can_bus_off": "bus-off, ENOBUFS and a downed interface need SocketCAN in the kernel: tests/wheeled/uml",
     "hostile_packets": "a flood of rubbish is a test of each wire's parser: tests/wheeled, quadruped, drone",
 }
-"""What else can break, and why the matrix has no row for it."""
+"""Other faults, and why the matrix has no row for them."""
 
 _ROS = "ROS 2 messages cannot tell it"
 _STREAMS = "its streams come from one autopilot: see robot_silent"
@@ -219,5 +219,5 @@ _REASONS = {
 
 
 def absent(platform: str, fault: str) -> str:
-    """Return why a platform cannot suffer a fault in a rehearsal."""
+    """Return why a fault cannot be rehearsed on a platform."""
     return _REASONS.get((platform, fault), "its simulator does not know it")

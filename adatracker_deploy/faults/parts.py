@@ -1,4 +1,4 @@
-"""Camera, segmenter and policy that go wrong while a switch is on, and are themselves while it is off."""
+"""Wrappers around camera, segmenter and policy that inject faults while a switch is on."""
 
 from __future__ import annotations
 
@@ -20,28 +20,28 @@ POLL_S = 0.005
 
 
 class Switch:
-    """Which fault is on, of those that parts can have; from any thread.
+    """Switches the faults of wrapped parts on and off; thread-safe.
 
     Args:
-        struck: called by the part, in its thread, when the fault first takes effect.
+        struck: called in the part's thread when the fault first takes effect.
     """
 
     def __init__(self, struck: Callable[[str], None]) -> None:
         self._struck = struck
         self._on: dict[str, bool] = {}
-        """Each fault that is on, and whether it has taken effect."""
+        """Active faults, and whether each has taken effect."""
         self._over = threading.Event()
 
     def begin(self, name: str) -> None:
-        """Switch a fault on; it takes effect when its part is used next."""
+        """Switch a fault on; it takes effect at the next use of its part."""
         self._on[name] = False
 
     def end(self, name: str) -> None:
-        """Switch it off."""
+        """Switch a fault off."""
         self._on.pop(name, None)
 
     def strikes(self, name: str) -> bool:
-        """Tell whether a fault is on, and say so the first time."""
+        """Return whether a fault is on; report it the first time."""
         if name not in self._on:
             return False
         if not self._on[name]:
@@ -50,13 +50,13 @@ class Switch:
         return True
 
     def hang(self, name: str) -> None:
-        """Return once that fault is off."""
+        """Block until the hang fault is off."""
         while name in self._on:
             self._over.wait(POLL_S)
 
 
 class FrozenCamera:
-    """A camera that can freeze in this process; one that a simulator carries freezes there."""
+    """A camera that can freeze in this process; a simulator's own camera freezes in the simulator."""
 
     def __init__(self, whole: Camera, switch: Switch) -> None:
         self._whole = whole
@@ -65,7 +65,7 @@ class FrozenCamera:
         self.open, self.close, self.go = whole.open, whole.close, whole.go
 
     def read(self, now_ns: int) -> Frame | None:
-        """Return the newest frame, or the last one again."""
+        """Return the newest frame, or while frozen the last one again."""
         if self._last is None or not self._switch.strikes("camera_freeze"):
             self._last = self._whole.read(now_ns)
         return self._last
@@ -81,7 +81,7 @@ class FaultySegmenter:
         self.reset = whole.reset
 
     def __call__(self, frame: Frame) -> Observation:
-        """Return what the whole one sees, late or not at all."""
+        """Return the wrapped segmenter's result, late or never."""
         if self._switch.strikes("segmenter_error"):
             raise RuntimeError("the fault segmenter_error was asked for")
         if self._switch.strikes("segmenter_stall"):
@@ -90,7 +90,7 @@ class FaultySegmenter:
 
 
 class FaultyPolicy:
-    """A policy that can hang, answer no numbers, or jump from end to end."""
+    """A policy that can hang, return NaN, or jump between extremes."""
 
     def __init__(self, whole: Policy, switch: Switch) -> None:
         self._whole = whole
@@ -100,11 +100,11 @@ class FaultyPolicy:
 
     @property
     def info(self) -> PolicyInfo:
-        """What the whole one is."""
+        """The wrapped policy's info."""
         return self._whole.info
 
     def act(self, observation: Observation) -> Action:
-        """Answer, rightly or wrongly."""
+        """Return the wrapped policy's action, or a faulty one."""
         if self._switch.strikes("policy_hang"):
             self._switch.hang("policy_hang")
         action = self._whole.act(observation)

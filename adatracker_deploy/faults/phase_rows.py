@@ -1,10 +1,10 @@
-"""Phases x faults: what each fault is allowed when it strikes in another phase than following. Pure.
+"""Limits of faults injected in other phases than following. Pure.
 
-Before the robot follows it must not be told to move at all; after, it is at rest or on its way there. A fault
-that lasts may let a trial go on that has not moved yet: nothing moves while it lasts (``quiet``).
+Before it follows, the robot must not be commanded to move at all; afterwards it is at rest or stopping. A
+trial that has not moved yet may go on after a lasting fault, but nothing moves during the fault (``quiet``).
 
-What the toolkit does alone, whatever the robot, is shown on one robot for each phase; what a wire or a robot
-does, on each.
+Behaviour of the toolkit alone is tested on one robot for each phase; behaviour of a protocol or a robot, on
+each.
 """
 
 from __future__ import annotations
@@ -32,28 +32,28 @@ if TYPE_CHECKING:
     from adatracker_deploy.faults.matrix import Measure
 
 _AT_ONCE_S = 0.2
-"""For a stop that is asked for, or a process that ends, until the last moving command."""
+"""Limit until the last motion command, s, after a requested stop or the end of a process."""
 _SOON_S = 0.3
-"""For what must be noticed first."""
+"""The same for a fault that must first be detected."""
 _STANDS_S = 2.0
 _BRAKED = {"drone": 3.0}
-"""A drone that follows at 1 m/s brakes for longer."""
+"""A drone following at 1 m/s takes longer to brake."""
 _DOWN_S = 0.5
 _NOBODYS = "nobody drives it yet: a mode on the ground takes nothing over"
 _SAME = "the toolkit's own code, the same for every robot"
 _HANDLER = "the handler is Ctrl-C's: see interrupt"
 _EXIT_S = 10.0
-"""For a command that was told to end, to end."""
+"""Limit for a command to exit after a stop request, s."""
 DRONE, GROUND = ("drone",), ("quadruped", "wheeled")
 HIGH: dict[str, dict[str, Any]] = {
     "connection": {"takeoff_altitude_m": 9.0},
     "limits": {"altitude_m": [1.0, 12.0]},
 }
-"""A profile for a high take-off."""
+"""Profile changes for a high take-off."""
 
 
 def _in(phase: TrialPhase, *rows: Row, on: tuple[str, ...] = (), trials: int = 1) -> tuple[Row, ...]:
-    """Put rows into a phase, at its beginning unless they say otherwise, and onto some platforms."""
+    """Assign rows to a phase, at its beginning by default, and to some platforms."""
     return tuple(
         with_words(
             replace(
@@ -76,7 +76,7 @@ def _signals(
     *,
     again: bool = False,
 ) -> tuple[Row, ...]:
-    """Return the rows of Ctrl-C, and of the two signals that its handler takes too, each on one robot."""
+    """Return the rows of Ctrl-C and of the two other signals with its handler, each on one robot."""
     row = Row("interrupt", measure, limit_s, endings, only, exit_s=_EXIT_S, ends_run=True, again=again)
     return (
         row,
@@ -99,7 +99,7 @@ _CONNECTING = _in(
     Row("suspend", "quiet", 0.0, ANY, on=("quadruped",), elsewhere=_SAME),
 )
 _ENGAGING = _in(
-    TrialPhase.ENGAGING,  # of robots on the ground: a base takes 0.1 s, a robot on legs none
+    TrialPhase.ENGAGING,  # for ground robots: a base takes 0.1 s, a legged robot none
     *_signals("told", _AT_ONCE_S, again=True),
     Row("tracker_kill", "told", _AT_ONCE_S, KILLED, again=True),
     Row("tracker_stop", "quiet", _SOON_S, ANY),
@@ -182,13 +182,13 @@ PHASE_ROWS = (
     *(*_CONNECTING, *_ENGAGING, *_ARMED, *_CLIMBING),
     *(*_LOOKING, *_STOPPING, *_DISENGAGING, *_BETWEEN),
 )
-"""What is struck in another phase than following."""
+"""Rows of faults in other phases than following."""
 
 PHASE_FAULTS = (
     *("interrupt", "terminate", "hangup", "tracker_kill", "tracker_stop", "link_kill", "link_stop"),
     *("link_drop", "robot_frozen", "takeover", "camera_gone", "suspend"),
 )
-"""The faults of the table by phase."""
+"""The faults in the table by phase."""
 
 _NOBODY = "no link and no camera then: the next trial connects anew"
 _PICTURES = "no picture decides anything then"
@@ -209,7 +209,7 @@ _NO_ROW: Mapping[tuple[str, TrialPhase], str] = {
 
 
 def has_phase(phase: TrialPhase, *, flies: bool) -> bool:
-    """Tell whether a robot's trials have a phase: a drone's engaging is two, which others have not."""
+    """Return whether a robot's trials have a phase: only a drone's have ARMED and CLIMBING."""
     return flies if phase in IN_FLIGHT else not (flies and phase is TrialPhase.ENGAGING)
 
 
@@ -221,7 +221,7 @@ def all_rows(platform: str, *, flies: bool) -> tuple[Row, ...]:
 
 
 def absent_in_phase(platform: str, fault: str, phase: TrialPhase, *, flies: bool) -> str:
-    """Return why a cell of the table by phase has no row; empty where it has one, or needs none."""
+    """Return why a cell of the table by phase has no row; empty if it has one, or needs none."""
     rows = [row for row in PHASE_ROWS if (row.fault, row.phase) == (fault, phase)]
     if not has_phase(phase, flies=flies) or any(not row.on or platform in row.on for row in rows):
         return ""

@@ -1,4 +1,4 @@
-"""The phases of a trial into which faults are struck, in their order. Pure."""
+"""The phases of a trial in which faults can be injected, in order. Pure."""
 
 from __future__ import annotations
 
@@ -6,30 +6,30 @@ import enum
 
 
 class TrialPhase(enum.StrEnum):
-    """Where a trial is, as ``--fault NAME@PHASE`` names it."""
+    """A phase of a trial, as in ``--fault NAME@PHASE``."""
 
     CONNECTING = "connecting"
-    """The link opens the wire and hears the robot."""
+    """The link opens the connection and receives the robot's first messages."""
     ENGAGING = "engaging"
-    """The robot was asked to obey: a base is enabled, a robot on legs stands ready, a drone is armed."""
+    """The robot was asked to engage: a base is enabled, a legged robot stands ready, a drone is armed."""
     ARMED = "armed"
-    """A drone's motors turn; it is on the ground. Part of engaging."""
+    """A drone is armed on the ground. Part of engaging."""
     CLIMBING = "climbing"
-    """A drone is on its way up. Part of engaging."""
+    """A drone climbs to its altitude. Part of engaging."""
     LOOKING = "looking"
     """Engaged and standing still until the person is seen."""
     FOLLOWING = "following"
     STOPPING = "stopping"
-    """Zero is asked for until the robot stands."""
+    """Zero is commanded until the robot stands."""
     DISENGAGING = "disengaging"
     """A base is disabled, a drone lands."""
     BETWEEN = "between"
-    """The trial is over and written down; the next one of ``--trials`` has not begun."""
+    """The trial is over and logged; the next one of ``--trials`` has not begun."""
 
 
 IN_FLIGHT = frozenset({TrialPhase.ARMED, TrialPhase.CLIMBING})
-"""Phases of robots that fly."""
+"""Phases of flying robots only."""
 ORDER = tuple(TrialPhase)
 """A trial enters its phases in this order, and may leave any of them for STOPPING."""
 ENDING = ORDER[ORDER.index(TrialPhase.STOPPING) :]
-"""What is still ahead when a trial ends."""
+"""Phases still ahead when a trial ends."""

@@ -1,4 +1,4 @@
-"""What must be refused before anything moves: each request that is wrong from the start, really made."""
+"""Negative tests: makes each invalid request for real and checks that it is refused before anything moves."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 
 
 def refuse(refusal: Refusal, platform_name: str, _: object, folder: Path) -> Result:
-    """Ask for something that is wrong from the start, in `folder`, and see that nothing moves.
+    """Make an invalid request, in `folder`, and check that nothing moves.
 
-    No stall of the machine's can excuse an answer.
+    A stall of the machine is no excuse here.
     """
     arguments = _WRONG[refusal.name](load_platform(platform_name), folder)
     done = run_command("--platform", platform_name, "--sitl", "--steps", "20", *arguments)
@@ -44,7 +44,7 @@ def refuse(refusal: Refusal, platform_name: str, _: object, folder: Path) -> Res
 
 
 def _readonly(_: type[Platform], folder: Path) -> Sequence[str]:
-    """Name a log folder below a file: what nobody can write, root neither."""
+    """Use a log folder below a regular file: not even root can write there."""
     (folder / "file").write_text("")
     return ("--log-dir", str(folder / "file" / "trials"))
 
@@ -59,7 +59,8 @@ def _corrupt(_: type[Platform], folder: Path) -> Sequence[str]:
 
 
 def _wrong_shape(_: type[Platform], folder: Path) -> Sequence[str]:
-    """Put the encoder in the policy's place, hashes, sizes and seal put right: only its shapes are wrong."""
+    """Put the encoder in the policy's place and fix hashes, sizes and seal, so that only its shapes are
+    wrong."""
     bundle = _copied_bundle(folder)
     manifest, policy, encoder = (bundle / name for name in ("manifest.yaml", "policy.onnx", "encoder.onnx"))
     was, now = policy.read_bytes(), encoder.read_bytes()
@@ -89,7 +90,7 @@ def _with_bundle(bundle: Path, folder: Path) -> Sequence[str]:
 
 
 def _with_profile(platform: type[Platform], folder: Path, section: str, **changes: Any) -> Sequence[str]:
-    """Return the arguments for the shipped profile with something else in one of its sections."""
+    """Return the arguments for the shipped profile with one section changed."""
     shipped = (platform.profile_dir or profile_dir()) / f"{platform.default_profile}.yaml"
     document = yaml.safe_load(shipped.read_text())
     document.setdefault(section, {}).update(changes)

@@ -1,4 +1,4 @@
-"""Runs one row of the matrix: the real command in processes of its own, and the evidence that it leaves."""
+"""Runs one row of the matrix: the real command in its own processes, and the evidence that it leaves."""
 
 from __future__ import annotations
 
@@ -37,34 +37,34 @@ COMMAND = (sys.executable, "-m", "adatracker_deploy")
 GOES_ON_S = 4.0
 """How long a trial goes on after a fault that should not stop it."""
 FEW_STEPS_S = 2.0
-"""Of a trial whose fault strikes before it follows, or as it ends at full speed."""
+"""Duration of a trial whose fault comes before it follows, or as it ends at full speed."""
 SEED = 3
 TIMEOUT_S = 120.0
-"""For a whole row, a drone's take-off and landing with it."""
+"""Time-out for a whole row, including a drone's take-off and landing."""
 REST_S = 30.0
-"""For a robot whose tracker was killed to come to rest."""
+"""Time-out for a robot to come to rest after its tracker was killed."""
 RESTED_S = 0.3
-"""So long a robot must have stood, to have come to rest."""
+"""A robot that has stood this long has come to rest."""
 POLL_S = 0.05
 STALL_BEFORE_S, STALL_AFTER_S = 0.3, 1.0
-"""About the onset: where a stall of the machine's could be taken for a late stop."""
+"""Window around the onset in which a stall of the machine could look like a late stop."""
 _AGAIN = ("--steps", "3", "--fault", f"interrupt@{TrialPhase.LOOKING}")
-"""A second run shows that the robot is engaged again; the person may have walked away by then."""
+"""A second run shows that the robot can be engaged again; the person may have walked away by then."""
 
 
 def rehearse(row: Row, platform_name: str, says: str, stalls: StallMonitor, folder: Path) -> Result:
     """Run one row in `folder`, which is empty, and judge it.
 
     Args:
-        row: what to show.
-        platform_name: of the robot.
-        says: what happens, for people.
-        stalls: watches the machine meanwhile.
+        row: the row to run.
+        platform_name: the robot's.
+        says: what happens, in words for people.
+        stalls: monitors the machine meanwhile.
         folder: for the trial's log.
     """
     try:
         return _rehearse(row, platform_name, says, stalls, folder)
-    except PlatformError as error:  # the simulator did not come up: one row's failure is not the others'
+    except PlatformError as error:  # the simulator did not start: other rows may still run
         return Result(
             platform=platform_name,
             fault=row.fault,
@@ -95,7 +95,7 @@ def _rehearse(row: Row, platform_name: str, says: str, stalls: StallMonitor, fol
         if row.again:
             again = _second_run(_finish(_start(*common, *_AGAIN)), witness, since_ns=ended_ns)
         if not row.lands:
-            _switch_off(evidence.account)  # it hovers, and would for a minute
+            _switch_off(evidence.account)  # it hovers, and would do so for a minute
     evidence = replace(evidence, account=replace(evidence.account, off=read_witness(witness.read_text()).off))
     onset_ns = evidence.account.onset_ns(row.fault)
     if onset_ns is not None:
@@ -113,7 +113,7 @@ def _rehearse(row: Row, platform_name: str, says: str, stalls: StallMonitor, fol
 
 
 def run_command(*arguments: str) -> subprocess.CompletedProcess[str]:
-    """Run the toolkit's own command to its end; -1 is the exit status of one that had to be killed."""
+    """Run the toolkit's own command to its end; the exit status is -1 if it had to be killed."""
     return _finish(_start(*arguments))
 
 
@@ -138,7 +138,7 @@ def _finish(process: subprocess.Popen[str]) -> subprocess.CompletedProcess[str]:
 
 
 def _struck(row: Row) -> tuple[str, ...]:
-    """Return what asks for the row's fault."""
+    """Return the arguments that request the row's fault."""
     following = row.phase is TrialPhase.FOLLOWING
     seconds = row.after_s + GOES_ON_S if following else FEW_STEPS_S
     when = f"{row.after_s:g}" if following else f"{row.phase}+{row.after_s:g}"
@@ -151,7 +151,7 @@ def _struck(row: Row) -> tuple[str, ...]:
 def _profile(
     platform: type[Platform], changes: Mapping[str, Mapping[str, Any]] | None, folder: Path
 ) -> tuple[tuple[str, ...], Profile]:
-    """Return what names the row's profile, and the profile at a port of its own."""
+    """Return the argument that names the row's profile, and the profile with its own port."""
     arguments: tuple[str, ...] = ()
     name = platform.default_profile
     if changes:
@@ -181,7 +181,7 @@ def _await_rest(watch: Watch, witness: Path, *, flies: bool, lands: bool) -> Non
 
 
 def _rests(account: Account, *, flies: bool, lands: bool) -> bool:
-    """Tell whether a robot has come to rest, and stood for a moment. Pure."""
+    """Return whether a robot has come to rest, and stood for a moment. Pure."""
     if not account.speeds:
         return False
     since_ns = account.speeds[-1][0] - round(RESTED_S * 1e9)
@@ -199,7 +199,7 @@ def _switch_off(account: Account) -> None:
 
 
 def _second_run(done: subprocess.CompletedProcess[str], witness: Path, since_ns: int) -> str:
-    """Say what a second run did with the robot as the first had left it."""
+    """Return what a second run did with the robot as the first left it."""
     account = read_witness(witness.read_text())
     if any(t_ns > since_ns for t_ns, phase in account.phases if phase == TrialPhase.LOOKING):
         return "engages again"

@@ -1,7 +1,7 @@
-"""A simulator that outlives its runs: a second run meets the robot as the first one left it.
+"""A simulator that outlives its runs: a second run finds the robot as the first left it.
 
-The fault matrix starts it (`serving`) and tells a run by a file how to reach it; the run takes it in a
-simulator 's place (`RunningFarEnd`), with the faults of one.
+The fault matrix starts it (`serving`) and passes its address to a run in a file; the run uses it
+(`RunningFarEnd`) as if it had started it, including its faults.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _FILE, _ORDERS, _WITNESS = "simulator.json", "orders", "witness.txt"
 def serving(
     platform: type[Platform], profile: Profile, scenario: Scenario, folder: Path
 ) -> Iterator[tuple[Path, Path]]:
-    """Start a simulator; give the file for ``--simulator`` and the one that its witness writes.
+    """Start a simulator; yield the file for ``--simulator`` and the ground-truth file.
 
     Args:
         platform: the robot.
@@ -59,7 +59,7 @@ def serving(
             ),
             encoding="utf-8",
         )
-        # Open for both, so that it does not end whenever a run does.
+        # Open for reading and writing, so that it does not end with each run.
         with os.fdopen(os.open(orders, os.O_RDWR), encoding="utf-8", closefd=True) as lines:
             passing = threading.Thread(target=_pass_on, args=(lines, sitl), name="orders", daemon=True)
             passing.start()
@@ -71,11 +71,11 @@ def serving(
 
 
 class RunningFarEnd(Sitl):
-    """Stands in a simulator's place in the run that is pointed to it.
+    """A handle, in a run, on a simulator that is already running.
 
     Args:
-        file: which `serving` wrote.
-        platform: the robot that it is of.
+        file: written by `serving`.
+        platform: its robot.
         profile: the robot's.
     """
 
@@ -91,14 +91,14 @@ class RunningFarEnd(Sitl):
         self.witness = Path(said["witness"])
 
     def start(self, clock: Clock, scenario: Scenario) -> Profile:  # noqa: ARG002 -- it runs already
-        """Return the profile that reaches it."""
+        """Return the profile with its connection."""
         return self._profile
 
     def close(self) -> None:
-        """Leave it to whoever started it."""
+        """Leave it running; whoever started it ends it."""
 
     def order(self, line: str) -> None:
-        """Pass an order on to it."""
+        """Forward a command to it."""
         _write(self._orders, line)
 
 
@@ -108,7 +108,7 @@ def _write(orders: Path, line: str) -> None:
 
 
 def _pass_on(lines: Iterator[str], sitl: Sitl) -> None:
-    """Pass each line on until an empty one comes."""
+    """Forward each line until an empty one comes."""
     for line in lines:
         if not line.strip():
             return

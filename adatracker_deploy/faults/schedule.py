@@ -1,4 +1,4 @@
-"""What is to go wrong when: ``camera_freeze@5,interrupt@climbing``, read, checked and put in order. Pure."""
+"""Parses, checks and sorts a schedule of faults such as ``camera_freeze@5,interrupt@climbing``. Pure."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _STRIKE = re.compile(rf"([A-Za-z_0-9]+)@(?:({_SECONDS})|([a-z]+)(?:\+({_SECONDS}
 
 @dataclass(frozen=True, slots=True)
 class ScheduledFault:
-    """One fault at one time."""
+    """One fault at a given time."""
 
     fault: Fault
     at_s: float = 0.0
@@ -30,11 +30,11 @@ class ScheduledFault:
 
     @property
     def over_s(self) -> float:
-        """When it is over, s after its phase has begun; `at_s` for what happens once, or stays."""
+        """When it is over, s after its phase has begun; `at_s` for a single event or a permanent fault."""
         return self.at_s + self.fault.lasts_s
 
     def __str__(self) -> str:
-        """Return it as ``--fault`` takes it."""
+        """Return it in the syntax of ``--fault``."""
         if self.phase is TrialPhase.FOLLOWING:
             return f"{self.fault.name}@{self.at_s:g}"
         return f"{self.fault.name}@{self.phase}" + (f"+{self.at_s:g}" if self.at_s else "")
@@ -43,16 +43,17 @@ class ScheduledFault:
 def parse_schedule(
     texts: Iterable[str], known: Mapping[str, Fault], *, flies: bool = False
 ) -> tuple[ScheduledFault, ...]:
-    """Read what ``--fault`` was given, several in one text or in many; return it in the order of a trial.
+    """Parse the arguments of ``--fault``; return the faults in the order of a trial.
 
     Args:
         texts: each ``NAME@SECONDS`` after the first followed tick, ``NAME@PHASE`` or ``NAME@PHASE+SECONDS``,
             or several with commas between them.
-        known: what can be injected into this rehearsal, by name.
-        flies: the robot does, and so has the phases of a climb.
+        known: the faults that this rehearsal supports, by name.
+        flies: whether the robot flies, and so has the phases of a climb.
 
     Raises:
-        UsageError: a text is none, a fault or phase is unknown here, or a fault begins while it lasts.
+        UsageError: a text is malformed, a fault or phase is unknown here, or a fault begins while it is
+            active.
     """
     phases = [phase for phase in ORDER if flies or phase not in IN_FLIGHT]
     strikes = sorted(
@@ -71,11 +72,11 @@ def parse_schedule(
 def next_due(
     strikes: Iterable[ScheduledFault], entered: Mapping[TrialPhase, float]
 ) -> tuple[float, ScheduledFault] | None:
-    """Return the strike that is due next, and when; None while none is.
+    """Return the next scheduled fault, and when it is due; None while none is.
 
     Args:
         strikes: those that have not begun.
-        entered: when each phase was, s.
+        entered: when each phase was entered, s.
     """
     due = ((entered[strike.phase] + strike.at_s, strike) for strike in strikes if strike.phase in entered)
     return min(due, key=lambda pair: pair[0], default=None)

@@ -1,4 +1,4 @@
-"""How long the machine itself stood still: on each core a thread that sleeps, and notes how much too long."""
+"""Detects stalls of the machine itself: on each core a thread sleeps and records how much it overslept."""
 
 from __future__ import annotations
 
@@ -9,17 +9,18 @@ from typing import Self
 
 NAP_S = 0.01
 WORTH_NOTING_S = 0.01
-"""A sleep that is longer by less is the usual."""
+"""Shorter oversleeping is normal."""
 
 
 class StallMonitor:
-    """Watches while it is entered; a late stop beside a stall of the same size is the machine's, not ours."""
+    """Context that monitors stalls; a late stop during a stall of the same size is the machine's fault, not
+    ours."""
 
     def __init__(self) -> None:
         self._noted: list[tuple[int, float]] = []
-        """(machine time at which it was over, ns; how long it took, s)."""
+        """(machine time at its end, ns; its length, s)."""
         self._ended = threading.Event()
-        # A host may stop one core alone, and with it whichever of a robot's processes was on it.
+        # A host may stop a single core, and with it whichever of a robot's processes was on it.
         self._threads = [
             threading.Thread(target=self._watch, args=(core,), name=f"stalls of core {core}", daemon=True)
             for core in sorted(os.sched_getaffinity(0))
@@ -36,7 +37,7 @@ class StallMonitor:
             thread.join()
 
     def largest_s(self, since_ns: int, until_ns: int) -> float:
-        """Return the longest stall, of any core, that reaches into a span of machine time; 0 for none."""
+        """Return the longest stall of any core that overlaps an interval of machine time; 0 for none."""
         return max(
             (
                 stall_s

@@ -1,6 +1,6 @@
-"""What strikes this process and the link's: signals, a starved processor, a still interpreter, a sleep.
+"""Faults of this process and the link's: signals, CPU starvation, a stalled interpreter, a suspend.
 
-Whatever stops the tracker is done by a small process of its own, which goes on meanwhile.
+Faults that stop the tracker are run by a small separate process, which goes on meanwhile.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 HOGS = 4
 PAUSE_S = 0.1
-"""A full collection of 600,000 objects takes 0.08 s."""
+"""Length of the interpreter stall; a full collection of 600,000 objects takes 0.08 s."""
 _SLEEP = """
 import os, signal, sys, time
 from adatracker_deploy.core import pause
@@ -39,14 +39,14 @@ for pid in map(int, pids):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Victims:
-    """Whom there is to strike now; 0 and None for those that are not there."""
+    """The current targets of faults; 0 or None for those that do not exist."""
 
     link: int = 0
     robot: int = 0
     """The simulated robot's process."""
     log_writer: int = 0
     log_part: Path | None = None
-    """The file that the writer writes."""
+    """The log file being written."""
     pause: str = ""
     """The shared pause of the run's clock."""
 
@@ -62,7 +62,7 @@ def _stop_tracker(_: Victims, fault: Fault) -> None:
 
 
 def _suspend(victims: Victims, fault: Fault) -> None:
-    """Stop the link and this process; the clock that they share stands still until they go on."""
+    """Stop the link and this process; their shared clock stands still until they continue."""
     pids = [str(pid) for pid in (victims.link, os.getpid()) if pid]
     subprocess.Popen([sys.executable, "-c", _SLEEP, victims.pause, str(fault.lasts_s), *pids]).wait()
 
@@ -74,7 +74,7 @@ def _hog(_victims: Victims, fault: Fault) -> None:
 
 
 def _pause(_: Victims, __: Fault) -> None:
-    """Keep the interpreter's lock, as a full collection does, but for a known time on any machine."""
+    """Hold the GIL, as a full collection does, but for a known time on any machine."""
     ctypes.PyDLL(None).usleep(round(PAUSE_S * 1e6))
 
 
@@ -99,9 +99,9 @@ STRIKES: dict[str, Callable[[Victims, Fault], None]] = {
     "gc_pause": _pause,
     "disk_full": _fill_disk,
 }
-"""How each is struck, by name."""
+"""How each fault is injected, by name."""
 MENDS: dict[str, Callable[[Victims], None]] = {
     "link_stop": lambda victims: _signal(victims.link, signal.SIGCONT),
     "robot_frozen": lambda victims: _signal(victims.robot, signal.SIGCONT),
 }
-"""How those end that do not end by themselves."""
+"""How faults are ended that do not end by themselves."""

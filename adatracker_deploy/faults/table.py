@@ -1,4 +1,5 @@
-"""Results as a table: in a terminal a line a row, in Markdown a line a fault with its robots side by side."""
+"""Result tables: in a terminal one line per row, in Markdown one line per fault with the robots side by
+side."""
 
 from __future__ import annotations
 
@@ -22,13 +23,13 @@ if TYPE_CHECKING:
     from adatracker_deploy.faults.judge import Result
 
 BEGIN, END = "<!-- faults: begin -->", "<!-- faults: end -->"
-"""Around the section of a Markdown file that is written here."""
+"""Markers around the generated section of a Markdown file."""
 _ORDER = [*(row.fault for row in ROWS), *(refusal.name for refusal in REFUSALS)]
 _COLOURS = {"ok": "green", "LATE": "red", "WRONG": "red", "not shown": "yellow"}
 
 
 def results_table(results: Sequence[Result]) -> RenderableType:
-    """Draw every row, and what could not be shown with its reason."""
+    """Draw every row, and each fault that could not be tested with its reason."""
     table = Table(box=box.SIMPLE_HEAD, padding=0, show_edge=False, caption=_CAPTION, caption_justify="left")
     for column in ("fault", "robot", "limit"):
         table.add_column(column, no_wrap=True)
@@ -67,9 +68,9 @@ def write_markdown(path: Path, results: Sequence[Result], day: str) -> None:
     """Replace the marked section of a Markdown file.
 
     Args:
-        path: the file, which has the two marks.
-        results: the whole matrix's, or a part's.
-        day: the date, as it shall be written.
+        path: the file, which contains both markers.
+        results: of the whole matrix or a part of it.
+        day: the date, as it is to be written.
 
     Raises:
         UsageError: it cannot be read or written, or has no marked section.
@@ -82,7 +83,7 @@ def write_markdown(path: Path, results: Sequence[Result], day: str) -> None:
 
 
 def check_section(path: Path) -> tuple[str, str]:
-    """Return what stands before and after the marked section of a Markdown file.
+    """Return the text before and after the marked section of a Markdown file.
 
     Raises:
         UsageError: it cannot be read, or has no marked section.
@@ -99,7 +100,7 @@ def check_section(path: Path) -> tuple[str, str]:
 
 
 def markdown(results: Sequence[Result], day: str) -> str:
-    """Return the results as a Markdown table, a line a fault."""
+    """Return the results as a Markdown table, one line per fault."""
     robots = list(dict.fromkeys(result.platform for result in results))
     following = [result for result in results if result.phase == TrialPhase.FOLLOWING]
     lines = [
@@ -129,7 +130,7 @@ robot as it was left."""
 
 
 def _by_phase(results: Sequence[Result], robots: Sequence[str]) -> list[str]:
-    """Return the lines of the second table: a line for each fault in each phase."""
+    """Return the second table: one line for each fault in each phase."""
     if not results:
         return []
     lines = [
@@ -162,7 +163,7 @@ def _phase_field(result: Result) -> str:
 
 
 def _limits(of_it: Mapping[str, Result]) -> str:
-    """Return the limit, or each robot's own."""
+    """Return the common limit, or each robot's own."""
     limits = {robot: result.limit for robot, result in of_it.items() if result.limit}
     if len(set(limits.values())) > 1:
         return ", ".join(f"{robot} {limit}" for robot, limit in limits.items())

@@ -1,4 +1,4 @@
-"""When a drone is armed, and when it climbs, by what its own witness writes."""
+"""Detects when a drone is armed and when it climbs, from its ground-truth record."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 CLIMBING_M = 0.5
-"""From this height on a drone is on its way up, whatever its gear and the wind do."""
+"""Above this height a drone is climbing, whatever its landing gear and the wind do."""
 LOOK_S = 0.01
 
 
 def reached(account: Account) -> tuple[TrialPhase, ...]:
-    """Return the phases of a take-off that a robot has reached, in their order. Pure."""
+    """Return the phases of a take-off that a robot has reached, in order. Pure."""
     armed = any(is_armed for _, _, is_armed in account.modes)
     climbing = any(moment.height_m > CLIMBING_M for moment in account.flight)
     return tuple(
@@ -29,11 +29,11 @@ def reached(account: Account) -> tuple[TrialPhase, ...]:
 
 
 class TakeOff:
-    """Reads a witness's file while a robot engages.
+    """Reads a ground-truth file while a robot engages.
 
     Args:
-        path: of the file.
-        enter: told, in a thread of its own, each phase as it is reached.
+        path: the file.
+        enter: called, in its own thread, with each phase as it is reached.
     """
 
     def __init__(self, path: Path, enter: Callable[[TrialPhase], None]) -> None:
@@ -43,12 +43,12 @@ class TakeOff:
         self._thread = threading.Thread(target=self._watch, name="take-off", daemon=True)
 
     def watch(self) -> None:
-        """Begin to; what was written before does not count."""
+        """Start monitoring; earlier entries are ignored."""
         self._from = self._path.stat().st_size
         self._thread.start()
 
     def close(self) -> None:
-        """Watch no more."""
+        """Stop monitoring."""
         self._ended.set()
         if self._thread.ident is not None:
             self._thread.join()

@@ -1,6 +1,6 @@
-"""Watches a row's processes from outside, by /proc: who runs, is stopped or gone, and how busy the cores are.
+"""Monitors a row's processes through /proc: which run, are stopped or gone, and how busy the cores are.
 
-What it sees is evidence that a fault took effect; whoever injects has no part in it.
+Its observations are evidence that a fault took effect, independent of the injector.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ State = Literal["runs", "stopped", "gone"]
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """What was seen; times are the machine's monotonic, ns."""
+    """The observations; times are the machine's monotonic time, ns."""
 
     states: tuple[tuple[int, Role, State], ...] = ()
-    """(time, who, what it does from then on)."""
+    """(time, process role, its state from then on)."""
     busy_ns: tuple[tuple[int, int], ...] = ()
-    """(time, processor time that all programs have had so far)."""
+    """(time, total processor time of all programs so far)."""
 
     def first(self, role: Role, state: State, since_ns: int, until_ns: int) -> int | None:
-        """Return when a process was first seen in a state within a span; None if it never was."""
+        """Return when a process was first seen in a state within an interval; None if never."""
         return next(
             (
                 t_ns
@@ -47,7 +47,7 @@ class Seen:
         )
 
     def busy_cores(self, since_ns: int, until_ns: int) -> float:
-        """Return how many cores' time was taken within a span, on average; 0 where it was not watched."""
+        """Return the mean number of busy cores within an interval; 0 where it was not monitored."""
         span = [(t_ns, busy_ns) for t_ns, busy_ns in self.busy_ns if since_ns <= t_ns <= until_ns]
         if len(span) < 2:
             return 0.0
@@ -57,11 +57,12 @@ class Seen:
 
 @dataclass
 class Watch:
-    """Watches while it is entered.
+    """Context that monitors a row's processes.
 
     Args:
-        tracker: its process id; the link is the child that bears the link's name, or will.
-        witness: the file in which the robot says its own, and the tracker its first link's.
+        tracker: its process id; the link is the child with the link's name.
+        witness: the ground-truth file, in which the robot records its process id, and the tracker its first
+            link's.
     """
 
     tracker: int
@@ -83,17 +84,17 @@ class Watch:
 
     @property
     def link_lives(self) -> bool:
-        """Whether the link that was seen last still runs."""
+        """Whether the last link seen still runs."""
         return bool(self._link) and _state(self._link) != "gone"
 
     def seen(self) -> Seen:
-        """Return everything so far."""
+        """Return all observations so far."""
         return Seen(tuple(self._states), tuple(self._busy_ns))
 
     def _run(self) -> None:
         last: dict[Role, State] = {}
         while True:
-            ended = self._ended.wait(LOOK_S)  # and look once more: the end itself counts
+            ended = self._ended.wait(LOOK_S)  # then look once more: the end itself counts
             now_ns = time.monotonic_ns()
             self._link = next(_links_of(self.tracker), 0) or self._link
             if not (self._robot and self._link) and self.witness.exists():

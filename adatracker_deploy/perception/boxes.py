@@ -11,7 +11,7 @@ Boxes = NDArray[np.floating[Any]]
 """Left, top, right, bottom, shape (n, 4); results have the dtype of what came in, unless they say another."""
 
 SMALLEST_PX = 1.0
-"""A box whose width or height is less holds nothing."""
+"""Smallest width and height of a box, px; smaller ones are empty."""
 
 
 def from_centres(boxes: Boxes) -> Boxes:
@@ -21,7 +21,7 @@ def from_centres(boxes: Boxes) -> Boxes:
 
 
 def centres(boxes: Boxes) -> Boxes:
-    """Return the middles (x, y), shape (n, 2)."""
+    """Return the centres (x, y), shape (n, 2)."""
     return np.asarray((boxes[:, :2] + boxes[:, 2:]) / 2)
 
 
@@ -50,13 +50,13 @@ def overlap(a: Boxes, b: Boxes) -> NDArray[np.float32]:
 def non_maximum_suppression(
     boxes: Boxes, scores: NDArray[np.float32], classes: NDArray[np.intp], iou: float
 ) -> NDArray[np.intp]:
-    """Return the places of the boxes that stay, best first: greedy non-maximum suppression within a class.
+    """Return the indices of the boxes to keep, best first: greedy non-maximum suppression per class.
 
     Args:
         boxes: shape (n, 4).
         scores: shape (n,).
         classes: shape (n,); boxes of two classes never suppress each other.
-        iou: of two boxes of one class that overlap by more than this, the better one stays.
+        iou: IoU threshold: of two boxes of one class with a higher IoU, the better one is kept.
     """
     order = np.argsort(-scores, kind="stable")
     rivals = overlap(boxes[order], boxes[order]) > iou
@@ -69,7 +69,7 @@ def non_maximum_suppression(
 
 
 def clipped(boxes: Boxes, height: int, width: int) -> tuple[Boxes, NDArray[np.intp]]:
-    """Clip to a picture of this size; return all boxes, and the places of those that still hold something."""
+    """Clip boxes to an image of this size; return all boxes, and the indices of those that are not empty."""
     limits = np.array([width, height, width, height], np.float32)
     inside = np.clip(boxes, 0, limits).astype(np.float32)
     sides = inside[:, 2:] - inside[:, :2]

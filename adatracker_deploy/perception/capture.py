@@ -1,4 +1,4 @@
-"""The one door to OpenCV's video input; it is kept from writing to stderr, errors here say it instead."""
+"""Video input through OpenCV; its output to stderr is suppressed, and errors are raised instead."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ _FFMPEG_QUIET = "-8"
 
 
 def has_gstreamer() -> bool:
-    """Tell whether this build of OpenCV can run GStreamer pipelines; the one from PyPI cannot."""
+    """Return whether this build of OpenCV can run GStreamer pipelines; the one from PyPI cannot."""
     return bool(cv2.videoio_registry.hasBackend(cv2.CAP_GSTREAMER))
 
 
 def keep_quiet() -> None:
-    """Keep OpenCV and FFmpeg from writing to stderr what is raised as an error anyway."""
+    """Keep OpenCV and FFmpeg from writing errors to stderr that are raised anyway."""
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", _FFMPEG_QUIET)
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
 
@@ -59,24 +59,24 @@ class Capture:
 
     @property
     def rate_hz(self) -> float:
-        """Frames per second as the video states them: 0 or anything else where it does not know."""
+        """The frame rate that the video states, Hz; 0 or arbitrary if it is unknown."""
         return self._get(cv2.CAP_PROP_FPS)
 
     @property
     def at_ns(self) -> int:
-        """When the frame gone on to was taken, as the stream states it: 0 where it does not."""
+        """Capture time of the grabbed frame, as stated by the stream; 0 if it states none."""
         at_ms = self._get(cv2.CAP_PROP_POS_MSEC)
         return round(at_ms * 1e6) if 0 < at_ms < math.inf else 0
 
     def grab(self) -> bool:
-        """Go on to the next frame; False when there is none, for whatever reason."""
+        """Advance to the next frame; False if there is none, for any reason."""
         return bool(self._capture.grab())
 
     def rgb(self) -> NDArray[np.uint8]:
-        """Return the frame gone on to, shape (H, W, 3).
+        """Return the grabbed frame, shape (H, W, 3).
 
         Raises:
-            ValueError: it cannot be decoded, or its size may not be.
+            ValueError: it cannot be decoded, or is too large.
         """
         decoded, bgr = self._capture.retrieve()
         if not decoded or bgr is None or bgr.ndim != 3 or bgr.shape[2] != 3:
@@ -85,7 +85,7 @@ class Capture:
         return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)
 
     def close(self) -> None:
-        """Let go of the device or file."""
+        """Close the device or file."""
         self._capture.release()
 
     def _get(self, what: int) -> float:

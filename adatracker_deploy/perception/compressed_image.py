@@ -1,4 +1,4 @@
-"""sensor_msgs/CompressedImage, the message of ROS 2 cameras, out of its CDR bytes. Pure.
+"""Decodes sensor_msgs/CompressedImage, the message of ROS 2 cameras, from CDR. Pure.
 
 CDR (OMG DDSI-RTPS 10.2, plain version 1): a header of four bytes that states the byte order, then the fields,
 each at a multiple of its size behind that header; a string is its length with a closing zero, then its bytes.
@@ -10,7 +10,7 @@ import struct
 from dataclasses import dataclass
 
 IMAGE_CAP_BYTES = 8 << 20
-"""No longer message is decoded; a 1080p JPEG has about 0.5 MiB, its raw pixels 6 MiB."""
+"""Largest message that is decoded, bytes; a 1080p JPEG has about 0.5 MiB, its raw pixels 6 MiB."""
 _ORDERS = {b"\x00\x00": ">", b"\x00\x01": "<"}
 _HEAD_BYTES = 4
 _MOST_PADDING = 3
@@ -19,7 +19,7 @@ _MOST_PADDING = 3
 
 @dataclass(frozen=True, slots=True)
 class CompressedImage:
-    """sensor_msgs/CompressedImage: an encoded image, not yet looked into."""
+    """sensor_msgs/CompressedImage: an encoded image, not yet decoded."""
 
     stamp_ns: int
     """Since 1970, by the robot's clock."""
@@ -33,10 +33,10 @@ class CompressedImage:
 def read_compressed_image(payload: bytes) -> CompressedImage:
     """Return the image in a message of at most `IMAGE_CAP_BYTES`, in either byte order.
 
-    No length in it is believed beyond the payload's end.
+    Lengths that exceed the payload are refused.
 
     Raises:
-        ValueError: it is no such message, cut short or too long, or its image is empty.
+        ValueError: it is not such a message, is truncated or too long, or its image is empty.
     """
     if len(payload) > IMAGE_CAP_BYTES:
         raise ValueError(f"{len(payload)} bytes are more than {IMAGE_CAP_BYTES}")
@@ -60,7 +60,7 @@ def read_compressed_image(payload: bytes) -> CompressedImage:
 
 
 class _Reader:
-    """Takes fields off CDR, one after the other."""
+    """Reads CDR fields in order."""
 
     def __init__(self, body: memoryview, order: str) -> None:
         self._body = body

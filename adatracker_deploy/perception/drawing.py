@@ -1,4 +1,4 @@
-"""The class mask of what was found: who stands nearer covers who stands farther."""
+"""Draws detections into a class mask; nearer ones cover farther ones."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from adatracker_deploy.perception.roles import Masks
 
 MASK_SIZE = 160
-"""Rows and columns of the class mask, whatever the picture's: policies draw theirs at this size."""
+"""Rows and columns of the class mask, whatever the image's: the size that policies use."""
 
 
 def class_mask(
@@ -24,12 +24,12 @@ def class_mask(
     bottoms: NDArray[np.floating[Any]],
     size: int = MASK_SIZE,
 ) -> ClassMask:
-    """Draw things into one mask, from the farthest to the nearest.
+    """Draw objects into one mask, from the farthest to the nearest.
 
     Args:
         masks: of the n things, shape (h, w) each, over the whole picture.
         values: the `MaskClass` of each.
-        bottoms: where each ends below, px, shape (n,): on level ground the lower is the nearer.
+        bottoms: lower edge of each, px, shape (n,): on level ground lower means nearer.
         size: rows and columns of the result.
     """
     drawn = np.zeros((size, size), np.uint8)
@@ -39,7 +39,7 @@ def class_mask(
 
 
 def ellipses(boxes: NDArray[np.float32], width: int, height: int, size: int = MASK_SIZE) -> Masks:
-    """Return ellipses that fill their boxes: they stand for masks that no mask head has cut out.
+    """Return ellipses that fill their boxes, for objects without a mask.
 
     Args:
         boxes: px, shape (n, 4).

@@ -1,4 +1,4 @@
-"""What is recorded, as a camera: at its own rate in the run's time or frame by frame, the same every time."""
+"""Plays a recording as a camera, at its own rate or frame by frame; deterministic."""
 
 from __future__ import annotations
 
@@ -16,61 +16,61 @@ if TYPE_CHECKING:
 
 SLOWEST_HZ, FASTEST_HZ = 1.0, 240.0
 _USUAL_HZ = 25.0
-"""For a film that states no rate, or none in between."""
+"""Frame rate for a recording that states none, or an implausible one."""
 
 
 class Film(Protocol):
-    """Recorded pictures, gone through once."""
+    """A recording that is read once, in order."""
 
     @property
     def rate_hz(self) -> float:
-        """Frames per second as it states them: 0 or anything else where it does not know."""
+        """The stated frame rate, Hz; 0 or arbitrary if it is unknown."""
 
     def grab(self) -> bool:
-        """Go on to the next frame; False when there is none."""
+        """Advance to the next frame; False if there is none."""
 
     def rgb(self) -> NDArray[np.uint8]:
-        """Return the frame gone on to, shape (H, W, 3).
+        """Return the current frame, shape (H, W, 3).
 
         Raises:
             ValueError: it is damaged, or too large.
         """
 
     def close(self) -> None:
-        """Let go of it."""
+        """Close the recording."""
 
 
 class FilmCamera(abc.ABC):
-    """Plays a film once, beginning with the first `read`; it is decoded in the thread that reads.
+    """Plays a recording once, from the first `read`; decodes in the reading thread.
 
     Args:
         name: how errors name the camera.
-        every_frame: each `read` gives the next frame, taken at that moment; by default the film plays at its
-            own rate, and frames that nobody was in time for are skipped.
+        every_frame: each `read` gives the next frame, stamped with that moment; by default the recording
+            plays at its own rate, and frames not read in time are skipped.
     """
 
     def __init__(self, name: str, *, every_frame: bool = False) -> None:
         self.name = name
         self.rate_hz = _USUAL_HZ
-        """The film's own, as it states it; known once it is open."""
+        """The recording's stated rate; known once it is open."""
         self._every_frame = every_frame
         self._watch = FrameWatch(name)
         self._film: Film | None = None
         self._began_ns: int | None = None
         self._at = 0
-        """How many frames have been gone on to; the newest frame's number."""
+        """Number of frames read so far; the newest frame's number."""
         self._newest: Frame | None = None
 
     @abc.abstractmethod
     def _open_film(self) -> Film:
-        """Find the film.
+        """Open the recording.
 
         Raises:
             ValueError: it is none that can be played.
         """
 
     def open(self) -> None:
-        """Open the film and see that it has a first frame.
+        """Open the recording and check that it has a first frame.
 
         Raises:
             UsageError: it is none that can be played.
@@ -90,7 +90,7 @@ class FilmCamera(abc.ABC):
         """Return the frame that is due at `now_ns`; None before `open`.
 
         Raises:
-            FilmOverError: the film has ended.
+            FilmOverError: the recording has ended.
             PlatformError: it is damaged or changes its size.
         """
         if self._film is None:
@@ -109,10 +109,10 @@ class FilmCamera(abc.ABC):
         return self._newest
 
     def go(self) -> None:  # noqa: B027 -- all that a film can do
-        """Do nothing: what is filmed has happened."""
+        """Do nothing: the recording starts with the first `read`."""
 
     def close(self) -> None:
-        """Let go of the film."""
+        """Close the recording."""
         film, self._film = self._film, None
         if film is not None:
             film.close()

@@ -1,4 +1,4 @@
-"""The one door to OpenCV's video output: pictures become an MP4 of a constant rate."""
+"""Video output through OpenCV: writes images to an MP4 of constant frame rate."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _CODEC = "vp09"
 
 
 def check_film_path(path: Path) -> None:
-    """See that a film could be written there, without leaving anything behind.
+    """Check that a video can be written to a path; leaves nothing behind.
 
     Raises:
         UsageError: it could not.
@@ -36,7 +36,7 @@ def check_film_path(path: Path) -> None:
 
 
 class FilmWriter:
-    """Writes pictures of one size; each is shown until the next one's time.
+    """Writes images of one size; each is shown until the next one's time.
 
     Args:
         path: ends in ``.mp4``; what is there is replaced.
@@ -54,7 +54,7 @@ class FilmWriter:
         """Written so far."""
 
     def write(self, rgb: NDArray[np.uint8], t_ns: int) -> None:
-        """Write a picture, shape (H, W, 3), at its time; one that comes before its turn is left out.
+        """Write an image, shape (H, W, 3), at its time; one that comes too early is skipped.
 
         Raises:
             UsageError: no film can be written there.
@@ -75,7 +75,7 @@ class FilmWriter:
         self._last = bgr
 
     def close(self) -> None:
-        """Finish the film and see that it can be read; may be called twice, and without a picture.
+        """Finish the video and check that it can be read; may be called twice, and without any image.
 
         Raises:
             PlatformError: it cannot.

@@ -1,4 +1,4 @@
-"""A folder of pictures as a camera: a data set's frames, in the natural order of their names."""
+"""Plays a folder of images as a camera, in natural order of their names."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 USUAL_HZ = 10.0
-"""Pictures state no rate; many data sets of robots come at this one."""
+"""Default frame rate; many robot data sets have it, and images state none."""
 LARGEST_FILE_BYTES = 256 << 20
 """An 8192x8192 PNG of pure noise has 200 MB."""
 _KINDS = (".png", ".jpg", ".jpeg")
@@ -43,7 +43,7 @@ def pictures_in(folder: Path) -> list[Path]:
 
 
 def natural(name: str) -> tuple[list[str | int], str]:
-    """Return what to sort names by, so that numbers in them count as numbers; 7 comes before 07."""
+    """Return a sort key in which numbers within names count as numbers; 7 comes before 07."""
     parts = _NUMBER.split(name.lower())
     return [int(part) if place % 2 else part for place, part in enumerate(parts)], name
 
@@ -67,7 +67,7 @@ class FolderCamera(FilmCamera):
 
 
 class _Pictures:
-    """Implements `Film`: one file a frame, read when it is looked at."""
+    """Implements `Film`: one file per frame, read on demand."""
 
     def __init__(self, paths: Sequence[Path], rate_hz: float) -> None:
         self.rate_hz = rate_hz

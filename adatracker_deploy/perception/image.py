@@ -1,4 +1,4 @@
-"""PNG and JPEG pictures of strangers: no picture is decoded before its size is known. Pure."""
+"""Decodes untrusted PNG and JPEG images; the size is checked before decoding. Pure."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ if TYPE_CHECKING:
 
 
 def is_png(data: bytes) -> bool:
-    """Tell a PNG picture from all others."""
+    """Return whether this is a PNG."""
     return data.startswith(PNG_START)
 
 
 def decode_image(data: bytes) -> NDArray[np.uint8]:
-    """Return a JPEG or PNG picture, whatever it is called, as RGB of shape (H, W, 3).
+    """Decode a JPEG or PNG, recognised by its content, as RGB of shape (H, W, 3).
 
     Raises:
-        ValueError: it is neither, its size is none that `check_size` lets through, or it cannot be decoded.
+        ValueError: it is neither, `check_size` refuses its size, or it cannot be decoded.
     """
     return decode_png(data) if is_png(data) else decode_jpeg(data)

@@ -1,4 +1,4 @@
-"""JPEG pictures of strangers: the size is read and capped before anything is decoded."""
+"""Decodes untrusted JPEGs; the size is checked before decoding."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def jpeg_size(data: bytes) -> tuple[int, int]:
     """Return width and height, px, as the frame header states them (ITU-T T.81, B.2.2).
 
     Raises:
-        ValueError: this is no JPEG.
+        ValueError: this is not a JPEG.
     """
     if not data.startswith(_START):
         raise ValueError("not a JPEG")
@@ -41,13 +41,13 @@ def jpeg_size(data: bytes) -> tuple[int, int]:
 
 
 def decode_jpeg(data: bytes) -> NDArray[np.uint8]:
-    """Return the picture as RGB of shape (H, W, 3).
+    """Return the image as RGB of shape (H, W, 3).
 
     Raises:
-        ValueError: this is no whole JPEG, or not of a size that `check_size` lets through.
+        ValueError: this is not a complete JPEG, or `check_size` refuses its size.
     """
     check_size(*jpeg_size(data))
-    # OpenCV 4 makes a picture with a grey end of one that was cut short. Some encoders pad behind the end.
+    # OpenCV 4 fills the end of a truncated JPEG with grey. Some encoders pad after the end.
     if _END not in data[-64:]:
         raise ValueError("not a whole JPEG: its end is missing")
     bgr = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)

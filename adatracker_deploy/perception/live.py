@@ -1,6 +1,6 @@
-"""What cameras that cannot wait have in common: a reader thread, of whose pictures only the newest is kept.
+"""Base class of live cameras: a reader thread of which only the newest image is kept.
 
-Nothing here reconnects: a camera that was gone is opened anew by whoever says that the robot may move again.
+Nothing here reconnects: a lost camera is opened again by the next run.
 """
 
 from __future__ import annotations
@@ -26,30 +26,31 @@ if TYPE_CHECKING:
     from adatracker_deploy.core.clock import Clock
 
 NO_STAMPS = "sends no time stamps: pictures that the network holds back look new"
-"""What is said of a camera that hides delay."""
+"""Warning about a camera that hides delay."""
 _JOIN_TIMEOUT_S = 2.0
-"""A driver that hangs cannot be interrupted; its thread is left behind."""
+"""Time to wait for the reader thread; a driver that hangs cannot be interrupted, and its thread is
+abandoned."""
 
 
 class Picture(NamedTuple):
-    """What a reader thread hands over."""
+    """An image from a reader thread."""
 
     rgb: NDArray[np.uint8]
     """Shape (H, W, 3)."""
     t_ns: int
     """The run's clock when it arrived, before it was decoded."""
     stamp_ns: int = 0
-    """When the sender took it, ns of its machine's time, whatever it counts from; 0 if it does not say."""
+    """The sender's capture time, ns, with any epoch; 0 if it gives none."""
     truth: Truth | None = None
     jpeg: bytes | None = None
-    """What `rgb` was decoded from, if it was one."""
+    """The JPEG that `rgb` was decoded from, if any."""
 
 
 class LiveCamera(abc.ABC):
-    """A `Camera` with a reader thread; a subclass says where the pictures come from.
+    """A `Camera` with a reader thread; subclasses provide the images.
 
-    A frame's time is that of its arrival, less what its sender's stamp says it was delayed on its way; a
-    picture that is no newer than the one before is none. So whatever limits a frame's age limits the delay.
+    A frame's time is its arrival less the delay derived from the sender's stamps. An image no newer than the
+    one before is dropped. So a limit on a frame's age also limits the delay.
 
     Args:
         name: how errors name it: its URI, without any password.
@@ -60,34 +61,34 @@ class LiveCamera(abc.ABC):
         self.name = name
         self.clock = clock
         self.dropped = 0
-        """Pictures that were malformed, repeated or older than one before."""
+        """Number of images that were malformed, repeated or out of order."""
         self._order = StampOrder()
         self._transit = Transit()
         self._watch = FrameWatch(name, clock.speed)
         self._frames: tuple[Frame, ...] = ()
-        """The newest and the one before it, for a reader whose `now_ns` the newest has just overtaken."""
+        """The newest frame and the one before, for a reader whose `now_ns` is just before the newest."""
         self._unstamped = False
         self._error: Exception | None = None
         self._decided = threading.Event()
-        """Set by the first frame, or by what keeps it from coming."""
+        """Set by the first frame, or by an error that prevents it."""
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"camera {name}", daemon=True)
 
     @abc.abstractmethod
     def _pictures(self) -> Generator[Picture, None, None]:
-        """Reach the camera and give its pictures as they come; runs in the reader's thread.
+        """Connect to the camera and yield its images as they arrive; runs in the reader thread.
 
         Raises:
-            PlatformError: it cannot be reached, or it is gone.
+            PlatformError: it cannot be reached, or was lost.
         """
 
     @abc.abstractmethod
     def _interrupt(self) -> None:
-        """Make a `_pictures` that waits for its device end soon, where that can be done; from any thread."""
+        """Make a waiting `_pictures` end soon, where possible; from any thread."""
 
     @property
     def hides_delay(self) -> bool:
-        """The pictures come over a network without stamps: what it holds back looks new."""
+        """Whether images come over a network without stamps, so that delayed ones look new."""
         return self._unstamped
 
     def open(self) -> None:
@@ -103,10 +104,10 @@ class LiveCamera(abc.ABC):
             raise error
 
     def read(self, now_ns: int) -> Frame | None:
-        """Return the newest frame that had arrived at `now_ns`.
+        """Return the newest frame that had arrived by `now_ns`.
 
         Raises:
-            PlatformError: the camera is gone, silent, frozen or late.
+            PlatformError: the camera is lost, silent, frozen or late.
         """
         if self._error is not None:
             raise self._error
@@ -114,10 +115,10 @@ class LiveCamera(abc.ABC):
         return next((frame for frame in self._frames if frame.t_ns <= now_ns), None)
 
     def go(self) -> None:  # noqa: B027 -- what most cameras do
-        """Do nothing: real people walk when they like."""
+        """Do nothing: only simulated people wait for it."""
 
     def close(self) -> None:
-        """End the reader and let go of the camera."""
+        """Stop the reader and release the camera."""
         self._ending.set()
         self._interrupt()
         if self._thread.is_alive():
@@ -131,13 +132,13 @@ class LiveCamera(abc.ABC):
                         return
                     self._keep(picture)
             raise PlatformError(f"camera {self.name}: the stream has ended")
-        except Exception as error:  # handed to whoever reads next
+        except Exception as error:  # raised by the next read
             self._error = error
         finally:
             self._decided.set()
 
     def _silent(self) -> PlatformError:
-        """Return what is said of a camera that never showed a picture, whoever finds it out first."""
+        """Return the error for a camera that never sent an image."""
         return PlatformError(f"camera {self.name}: no picture came within {OPEN_TIMEOUT_S:g} s")
 
     def _keep(self, picture: Picture) -> None:
@@ -156,7 +157,7 @@ class LiveCamera(abc.ABC):
         self._decided.set()
 
     def _taken_ns(self, picture: Picture) -> int:
-        """Return when a picture was taken, at the latest, by the run's clock."""
+        """Return the latest possible capture time of an image, by the run's clock."""
         if not picture.stamp_ns:
             return picture.t_ns
         speed = self.clock.speed

@@ -1,4 +1,4 @@
-"""Cameras that send JPEGs over HTTP: IP cameras, mjpg-streamer, ROS web_video_server, rehearsals."""
+"""MJPEG cameras over HTTP: IP cameras, mjpg-streamer, ROS web_video_server, rehearsals."""
 
 from __future__ import annotations
 
@@ -32,7 +32,8 @@ _TIMESTAMP = re.compile(r"([0-9]{1,12})(?:\.([0-9]{1,9}))?")
 
 
 class MjpegCamera(LiveCamera):
-    """Reads a multipart stream of JPEGs; one arrives with its last byte, and ``X-Timestamp`` is its stamp.
+    """Reads a multipart stream of JPEGs; a frame arrives with its last byte, and ``X-Timestamp`` is its
+    stamp.
 
     Args:
         url: ``http://`` or ``https://``; a user and a password in it are sent as Basic authentication.
@@ -45,7 +46,7 @@ class MjpegCamera(LiveCamera):
         self._socket: socket.socket | None = None
 
     def go(self) -> None:
-        """Let the people of a rehearsal walk; a camera whose frames carry no truth is not told.
+        """Let the people of a rehearsal walk; a camera whose frames carry no ground truth is not told.
 
         Raises:
             PlatformError: the rehearsal does not answer.
@@ -96,7 +97,7 @@ class MjpegCamera(LiveCamera):
     def _stream(
         self, response: http.client.HTTPResponse, wire: socket.socket, parser: MultipartParser
     ) -> Generator[Picture, None, None]:
-        """Decode the newest part whenever nothing more waits in the kernel: what is behind is skipped."""
+        """Decode the newest part once nothing more waits in the kernel; older parts are skipped."""
         newest: Part | None = None
         t_ns = 0
         while data := response.read1(_RECEIVE_BYTES):
@@ -145,14 +146,14 @@ class MjpegCamera(LiveCamera):
 
 
 def _waits(wire: socket.socket) -> bool:
-    """Tell whether more of the stream has already arrived."""
+    """Return whether more of the stream has already arrived."""
     if isinstance(wire, ssl.SSLSocket) and wire.pending():
         return True
     return bool(select.select([wire], [], [], 0)[0])
 
 
 def decode_part(part: Part, t_ns: int, speed: float = 1.0) -> Picture:
-    """Return what a part of the stream shows.
+    """Decode a part of the stream.
 
     Args:
         part: of the stream.
@@ -160,7 +161,7 @@ def decode_part(part: Part, t_ns: int, speed: float = 1.0) -> Picture:
         speed: seconds of the run's clock, in which a rehearsal's stamps are, per second of the machine's.
 
     Raises:
-        ValueError: it is no whole JPEG of a decent size, or its ``X-Truth`` is no truth.
+        ValueError: it is not a complete JPEG of an allowed size, or its ``X-Truth`` is invalid.
     """
     truth = part.headers.get("x-truth")
     decoded = decode_truth(base64.b64decode(truth, validate=True)) if truth is not None else None
@@ -171,6 +172,6 @@ def decode_part(part: Part, t_ns: int, speed: float = 1.0) -> Picture:
 
 
 def _stamp_ns(text: str) -> int:
-    """Return the time in an ``X-Timestamp``; 0 where there is none, or it is no time."""
+    """Return the time in an ``X-Timestamp``; 0 if missing or invalid."""
     time = _TIMESTAMP.fullmatch(text)
     return int(time[1]) * 10**9 + int((time[2] or "").ljust(9, "0")) if time else 0

@@ -1,9 +1,9 @@
-"""Frames as an MJPEG stream over HTTP, as IP cameras and ROS web_video_server send it: what `mjpeg` reads.
+"""Serves frames as an MJPEG stream over HTTP, as IP cameras and ROS web_video_server do; `mjpeg` reads it.
 
-``GET /stream.mjpg``, or ``/``, is ``multipart/x-mixed-replace``: one JPEG a part with its time and number, in
-a rehearsal also with its truth. Any browser can watch. ``POST /go`` lets the people walk. It listens on this
-machine alone, and answers nobody who was sent here under another name: a web page may let its own name lead
-to this machine, and would then be allowed to see the pictures (DNS rebinding).
+``GET /stream.mjpg``, or ``/``, is ``multipart/x-mixed-replace``: one JPEG per part with its time and number,
+in a rehearsal also with ground truth. Any browser can show it. ``POST /go`` lets the people walk. It listens
+on the loopback interface only, and refuses requests for any other host name, so that a web page cannot read
+the images by DNS rebinding.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ if TYPE_CHECKING:
 STREAM_PATH = "/stream.mjpg"
 GO_PATH = "/go"
 _OWN_NAMES = frozenset({"127.0.0.1", "localhost", "[::1]"})
-"""By which this machine's users reach it, on whatever port a tunnel puts it."""
+"""Host names under which local users reach it, on any port (tunnels)."""
 _BOUNDARY = "frame"
 _JPEG_QUALITY = 90
 _SEND_BUFFER_BYTES = 1 << 16
-"""What the kernel may hold for one client: small, or a slow one would be shown the past."""
+"""Kernel send buffer per client, bytes; small, so that a slow client is not shown old frames."""
 _SEND_TIMEOUT_S = 5.0
-"""A client that has not taken a picture for so long is dropped."""
+"""A client that has not taken an image for this long is dropped."""
 
 
 class MjpegServer:
-    """Serves the newest published frame to everybody who watches; a slow client skips frames.
+    """Serves the newest published frame to every client; a slow client skips frames.
 
     Args:
         port: on 127.0.0.1; 0 takes any free one.
@@ -69,15 +69,15 @@ class MjpegServer:
 
     @property
     def url(self) -> str:
-        """Where the stream is."""
+        """The stream's address."""
         return f"http://127.0.0.1:{self.port}{STREAM_PATH}"
 
     def publish(self, frame: Frame) -> None:
-        """Show `frame` from now on; costs a notification, for those who watch encode it."""
+        """Publish a frame; cheap, because it is encoded only in the clients' threads."""
         self._newest.put(frame)
 
     def on_go(self, callback: Callable[[], None]) -> None:
-        """Have `callback` called, in a thread of the server's, whenever somebody posts to ``/go``."""
+        """Register a callback for each POST to ``/go``; it runs in a server thread."""
         self._on_go.append(callback)
 
     def close(self) -> None:
@@ -94,7 +94,7 @@ class MjpegServer:
 
 
 class _Shot:
-    """A published frame and, once anybody has asked for it, its part of the stream."""
+    """A published frame and, once requested, its encoded part of the stream."""
 
     def __init__(self, frame: Frame) -> None:
         self._frame = frame
@@ -102,7 +102,7 @@ class _Shot:
         self._part: bytes | None = None
 
     def part(self) -> bytes:
-        """Return the part with its boundary; encoded once, whoever asks."""
+        """Return the part with its boundary; encoded only once."""
         with self._encoding:
             if self._part is None:
                 self._part = _encode(self._frame)
@@ -126,7 +126,7 @@ def _encode(frame: Frame) -> bytes:
 
 
 class _Newest:
-    """The newest shot, and a way to wait for the next."""
+    """Holds the newest shot, and lets clients wait for the next."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
@@ -144,7 +144,7 @@ class _Newest:
             self._changed.notify_all()
 
     def after(self, seen: _Shot | None) -> _Shot | None:
-        """Wait for another shot than `seen`; None when there will be none."""
+        """Wait for a newer shot than `seen`; None once the server has closed."""
         with self._changed:
             self._changed.wait_for(lambda: self._ended or self._shot is not seen)
             return None if self._ended else self._shot
@@ -178,7 +178,7 @@ class _Server(ThreadingHTTPServer):
                     connection.shutdown(socket.SHUT_RDWR)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Say nothing of a client that leaves in the middle of a picture."""
+        """Ignore a client that disconnects in the middle of an image."""
         if not isinstance(sys.exception(), OSError):
             super().handle_error(request, client_address)
 
@@ -223,7 +223,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.end_headers()
 
     def _refuses(self) -> bool:
-        """Refuse a request that a browser sends for somebody else's page; tell whether it was one.
+        """Refuse a request made by another site's page; return whether it was one.
 
         Browsers name the host of every request (RFC 9110, 7.2), and with a POST the origin of the page that
         makes it (RFC 6454, 7).

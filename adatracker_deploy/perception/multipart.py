@@ -1,4 +1,4 @@
-"""The multipart stream that IP cameras send over HTTP, taken apart as it arrives; no I/O.
+"""Incremental parser of the multipart streams that IP cameras send over HTTP; no I/O.
 
 ``multipart/x-mixed-replace`` with RFC 2046's syntax. Real cameras bend it: many announce the boundary with
 the dashes that belong before it, some end lines with a bare line feed, some leave Content-Length out.
@@ -50,7 +50,7 @@ class MultipartParser:
         """Take the stream's next bytes; return the parts that they complete, oldest first.
 
         Raises:
-            ValueError: this is no such stream, or a part of it is larger than the caps; it cannot go on.
+            ValueError: not a multipart stream, or a part exceeds the caps; the parser cannot continue.
         """
         self._buffer += data
         return list(iter(self._next_part, None))

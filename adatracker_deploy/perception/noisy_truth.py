@@ -1,4 +1,4 @@
-"""The truth of a simulated camera, augmented as a real segmenter's masks are."""
+"""A segmenter that adds a real segmenter's errors to a simulated camera's ground truth."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class NoisyTruth:
-    """Implements `Segmenter`; its noise goes by the frames' time, so that a slow machine has no longer gaps.
+    """Implements `Segmenter`; its noise follows the frames' times, so that a slow machine has no longer gaps.
 
     Args:
         level: how much noise.
@@ -40,7 +40,7 @@ class NoisyTruth:
         self._steps = 0
 
     def __call__(self, frame: Frame) -> Observation:
-        """Return the truth, augmented.
+        """Return the ground truth with noise.
 
         Raises:
             PlatformError: the frame comes from a real camera.

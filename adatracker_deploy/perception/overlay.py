@@ -1,4 +1,4 @@
-"""What perception sees, drawn over the picture: masks, box, state, network input and action. Pure."""
+"""Draws perception's results over an image: masks, box, state, network input and action. Pure."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ _FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drive:
-    """What a policy wants."""
+    """A policy's output, for display."""
 
     moves: Mapping[str, float] | None
     """By axis, in [-1, 1] of the robot's limit, positive as in REP 103; None: nothing was asked of it."""

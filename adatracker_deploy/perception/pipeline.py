@@ -1,4 +1,4 @@
-"""Perception beside the loop: it hands over only the newest observation, and the loop never waits for it."""
+"""Runs perception in its own thread; the loop takes the newest observation and never waits for it."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ if TYPE_CHECKING:
 
 
 CLOSE_TIMEOUT_S = 5.0
-"""A segmenter that does not return by then is left behind: its thread ends with the process at the latest."""
+"""A segmenter that does not return in time is abandoned; its thread ends with the process."""
 
 _left_behind: list[tuple[Segmenter, threading.Thread]] = []
-"""Segmenters that hung when perception was closed, with the threads that were in them."""
+"""Segmenters that hung when perception was closed, with their threads."""
 
 
 def perceive(frame: Frame, segmenter: Segmenter) -> Seen:
-    """Segment one frame: what `Perception` does beside the loop, and tests and scores do frame by frame.
+    """Segment one frame, as `Perception` does in its thread, and tests and scoring do frame by frame.
 
     Raises:
-        PlatformError: the segmenter fails, or what it gave is no observation of this frame.
+        PlatformError: the segmenter fails, or its result is not an observation of this frame.
     """
     observation = segmenter(frame)
     check_observation(observation, frame)
@@ -38,7 +38,7 @@ def perceive(frame: Frame, segmenter: Segmenter) -> Seen:
 
 
 def refuse_hung(segmenter: Segmenter) -> None:
-    """See that nobody is in the segmenter any more: two trials at once would share what it remembers.
+    """Check that no thread is still in the segmenter: two trials at once would share its state.
 
     Raises:
         PlatformError: it hung in an earlier trial, and still does.
@@ -51,7 +51,7 @@ def refuse_hung(segmenter: Segmenter) -> None:
 
 
 class Perception:
-    """Looks for a new frame at a steady rate, and segments it, in a thread of its own."""
+    """Polls for a new frame at a steady rate and segments it, in its own thread."""
 
     def __init__(self, camera: Camera, segmenter: Segmenter, clock: Clock, rate_hz: float) -> None:
         self._camera = camera
@@ -68,14 +68,14 @@ class Perception:
         """Return the newest observation, or None before the first; never blocks.
 
         Raises:
-            PlatformError: what ended the camera or the segmenter.
+            PlatformError: the error that ended the camera or the segmenter.
         """
         if self._error is not None:
             raise self._error
         return self._newest
 
     def close(self) -> None:
-        """End the thread, or leave it behind if it hangs in the segmenter; may be called twice."""
+        """End the thread, or abandon it if it hangs in the segmenter; may be called twice."""
         self._ending.set()
         self._thread.join(CLOSE_TIMEOUT_S)
         if self._thread.is_alive():

@@ -1,4 +1,4 @@
-"""PNG pictures of strangers: the size is read and capped before anything is decoded."""
+"""Decodes untrusted PNGs; the size is checked before decoding."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def png_size(data: bytes) -> tuple[int, int]:
     """Return width and height, px, as the header chunk states them.
 
     Raises:
-        ValueError: this is no PNG.
+        ValueError: this is not a PNG.
     """
     if not data.startswith(PNG_START):
         raise ValueError("not a PNG")
@@ -39,7 +39,7 @@ def decode_png(data: bytes) -> NDArray[np.uint8]:
     """Return the picture as RGB of shape (H, W, 3); what is transparent is shown as if it were not.
 
     Raises:
-        ValueError: this is no whole PNG, or not of a size that `check_size` lets through.
+        ValueError: this is not a complete PNG, or `check_size` refuses its size.
     """
     check_size(*png_size(data))
     _check_chunks(data)  # what OpenCV makes of a damaged one, and whether it prints, depends on its version
@@ -50,7 +50,7 @@ def decode_png(data: bytes) -> NDArray[np.uint8]:
 
 
 def _check_chunks(data: bytes) -> None:
-    """See that every chunk is as it was written, up to the last."""
+    """Check every chunk's CRC, up to the last."""
     at, kind = len(PNG_START), b""
     while kind != b"IEND":
         if len(data) < at + _CHUNK.size + _CRC_BYTES:

@@ -1,4 +1,4 @@
-"""What a segmenter is composed of: a detector, a mask head, a propagator; each a small part on its own.
+"""The parts of a segmenter: detector, mask head and propagator.
 
 All of them take pictures as RGB uint8 of shape (H, W, 3) and give boxes in that picture's pixels.
 """
@@ -24,7 +24,7 @@ Masks = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Instances:
-    """The n things that a detector found in one picture, best first."""
+    """A detector's n detections in one image, best first."""
 
     boxes: Boxes
     scores: NDArray[np.float32]
@@ -36,14 +36,14 @@ class Instances:
 
     @classmethod
     def none(cls) -> Instances:
-        """Return what was found where there is nothing."""
+        """Return empty detections."""
         return cls(np.empty((0, 4), np.float32), np.empty(0, np.float32), ())
 
     def __len__(self) -> int:
         return len(self.words)
 
     def only(self, keep: Sequence[int] | NDArray[np.intp]) -> Instances:
-        """Return those at the places `keep`, in that order."""
+        """Return the detections at the indices `keep`, in that order."""
         places = np.asarray(keep, np.intp)
         return Instances(
             self.boxes[places],
@@ -54,14 +54,14 @@ class Instances:
 
 
 class Detector(Protocol):
-    """Finds things of its vocabulary."""
+    """Detects objects of its vocabulary."""
 
     @property
     def vocabulary(self) -> tuple[str, ...]:
         """The words it knows; one that takes any text has none, and is given its words when it is made."""
 
     def __call__(self, picture: Picture) -> Instances:
-        """Return what is in the picture.
+        """Return the detections in an image.
 
         Raises:
             PlatformError: the model gave what no such model gives.
@@ -69,23 +69,23 @@ class Detector(Protocol):
 
 
 class MaskHead(Protocol):
-    """Cuts things out of their boxes."""
+    """Segments objects within their boxes."""
 
     def __call__(self, picture: Picture, boxes: Boxes, size: int) -> Masks:
         """Return the masks of what is in the boxes, shape (n, size, size)."""
 
 
 class Propagated(NamedTuple):
-    """Where the thing that is followed is in the next picture."""
+    """The tracked object in the next image."""
 
     mask: NDArray[np.bool_]
     """Shape (h, w), over the whole picture; empty where it is out of sight."""
     score: float
-    """How sure the model is that the thing is in sight, 0 to 1."""
+    """The model's confidence that the object is in sight, 0 to 1."""
 
 
 class Propagator(Protocol):
-    """Follows one thing from picture to picture by its mask."""
+    """Tracks one object from image to image by its mask."""
 
     def start(self, picture: Picture, mask: NDArray[np.bool_]) -> None:
         """Begin with the thing's mask over this picture, of any resolution; forgets what came before.

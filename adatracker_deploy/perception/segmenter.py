@@ -14,32 +14,32 @@ if TYPE_CHECKING:
 
 
 class Segmenter(Protocol):
-    """Tells where the target, other people and obstacles are."""
+    """Finds the target, other people and obstacles in a frame."""
 
     needs_truth: bool
-    """Whether it reads the truth that only the cameras of rehearsals send."""
+    """Whether it needs the ground truth that only simulated cameras send."""
 
     def reset(self) -> None:
-        """Forget the target, and all that was seen: a trial begins."""
+        """Forget the target and all state, at the start of a trial."""
 
     def __call__(self, frame: Frame) -> Observation:
-        """Return what is in the frame; frames come one by one, in the order they were taken.
+        """Segment one frame; frames come in the order of capture.
 
         Raises:
-            PlatformError: it cannot tell, and will not be able to.
+            PlatformError: it failed for good.
         """
 
 
 class TruthSegmenter:
-    """Takes the class mask that a simulated camera knows."""
+    """Returns a simulated camera's own class mask."""
 
     needs_truth = True
 
     def reset(self) -> None:
-        """Do nothing: it remembers nothing."""
+        """Do nothing: it has no state."""
 
     def __call__(self, frame: Frame) -> Observation:
-        """Return the truth.
+        """Return the ground truth.
 
         Raises:
             PlatformError: the frame comes from a real camera.
@@ -51,10 +51,10 @@ class TruthSegmenter:
 
 
 def check_observation(observation: Observation, frame: Frame) -> None:
-    """See that this can be an observation of the frame: whoever made it may be wrong.
+    """Check that an observation can be of the frame; a segmenter may be faulty.
 
     Raises:
-        PlatformError: it is of another frame, its mask holds no classes, its box is no box.
+        PlatformError: it is of another frame, its mask holds invalid classes, or its box is invalid.
     """
     mask, box = observation.mask, observation.box
     if (observation.seq, observation.t_ns) != (frame.seq, frame.t_ns):

@@ -1,4 +1,4 @@
-"""Which segmenter a name or a file means."""
+"""Opens a segmenter by name or file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which camera a URI means."""
+"""Opens a camera by its URI."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ KNOWN = (
     f"udp://HOST:PORT, tcp://HOST:PORT, {ZENOH}HOST:PORT/TOPIC, {GSTREAMER}PIPELINE, "
     f"{WORLD}SCENE or {ROBOT}TOPIC"
 )
-"""What a URI may be."""
+"""The supported forms of a camera URI."""
 
 _MJPEG_SCHEMES = ("http", "https")
 _ZENOH_SCHEME = "zenoh"
@@ -41,7 +41,7 @@ _SCHEME = re.compile(r"([a-zA-Z][a-zA-Z0-9+.-]*)://")
 
 
 def check_uri(uri: str) -> None:
-    """Tell now, before anything starts, whether a camera URI can mean anything; opens nothing.
+    """Check a camera URI before anything starts; opens nothing.
 
     Raises:
         UsageError: it cannot.
@@ -58,7 +58,7 @@ def check_uri(uri: str) -> None:
 
 
 def open_source(uri: str, clock: Clock, *, every_frame: bool = False) -> Camera:
-    """Return the camera that `uri` means, not open yet.
+    """Return the camera for `uri`, not open yet.
 
     Args:
         uri: see `KNOWN`.
@@ -66,7 +66,7 @@ def open_source(uri: str, clock: Clock, *, every_frame: bool = False) -> Camera:
         every_frame: of a file or folder; see `FilmCamera`.
 
     Raises:
-        UsageError: no camera is reached that way.
+        UsageError: no camera has such a URI.
     """
     check_uri(uri)
     if uri.startswith((ROBOT, WORLD)):

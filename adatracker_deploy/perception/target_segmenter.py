@@ -1,4 +1,4 @@
-"""The segmenter for real pictures: a detector finds, a lock keeps the target, a mask head cuts it out.
+"""The segmenter for real images: a detector, the target lock and a mask head.
 
 Pure but for its state: the same frames, in the same order, always give the same observations.
 """
@@ -28,9 +28,10 @@ if TYPE_CHECKING:
 PERSON = "person"
 LEAST_OBSTACLE_SCORE = 0.5
 CUT_OUT = 2
-"""People whose masks the mask head cuts out: the target, and whoever is nearest; each costs milliseconds."""
+"""Number of people with masks from the mask head: the target and the nearest others; each costs
+milliseconds."""
 WORTH_CUTTING_OUT = 0.25
-"""Of the picture's height: other people who are smaller are drawn as ellipses, in which few px are wrong."""
+"""Share of the image height below which other people are drawn as ellipses; few px are wrong then."""
 
 
 class TargetSegmenter:
@@ -118,7 +119,7 @@ class TargetSegmenter:
         if target is not None:
             values[target] = MaskClass.TARGET
         masks = [*self._people_masks(frame, people, target), *_obstacle_masks(obstacles, width, height)]
-        # A box is larger than what is in it: without its mask an obstacle never hides anybody.
+        # A box is larger than its object: an obstacle without a mask never hides anybody.
         obstacle_bottoms = (
             obstacles.boxes[:, 3] if obstacles.masks is not None else np.zeros(len(obstacles), np.float32)
         )

@@ -1,8 +1,8 @@
-"""How much longer than usual a picture was on its way: what a network or a queue has added. Pure.
+"""Estimates the delay that a network or a queue added to an image. Pure.
 
-The sender's clock and ours differ by what nobody knows, so arrival minus stamp says nothing by itself. Its
-growth over the least that was seen does: two clocks hardly drift apart, and no picture outruns its way. A
-delay that is there from the first picture on is not seen.
+The offset between the sender's clock and ours is unknown, so arrival minus stamp is meaningless by itself.
+Its growth over the smallest value seen is the delay: two clocks hardly drift apart. A delay present from the
+first image on is not detected.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ class Transit:
 
     def __init__(self) -> None:
         self._least_ns: int | None = None
-        """Of arrival minus stamp, with the drift that has been forgiven since."""
+        """Smallest arrival minus stamp, plus the drift allowed since."""
         self._arrived_ns = 0
 
     def delay_ns(self, stamp_ns: int, arrived_ns: int) -> int:
-        """Return how much longer than the quickest this picture was on its way, 0 or more.
+        """Return this image's delay relative to the fastest one, 0 or more.
 
         With stamps and arrivals that only grow, arrival less delay never goes backwards.
 

@@ -1,4 +1,4 @@
-"""The truth of a simulated frame as bytes, for simulators that send their frames over a robot's own wire.
+"""Serialises a simulated frame's ground truth, for simulators that send frames over a robot's own protocol.
 
 A JSON header with its length before it, then the class mask as PNG. Only rehearsals carry it.
 """

@@ -66,10 +66,10 @@ class VideoCamera(LiveCamera):
         """Do nothing: OpenCV cannot be interrupted; the reader ends with its next picture or time-out."""
 
     def _reach(self) -> None:
-        """Knock at a stream's door first: OpenCV does not say why it could not open one.
+        """Connect to a stream's port first: OpenCV does not report why it could not open a stream.
 
         Raises:
-            OSError: nobody is there.
+            OSError: nothing listens there.
         """
         url = urlsplit(self._uri)
         if url.scheme in _RTSP_PORTS:

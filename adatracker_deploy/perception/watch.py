@@ -1,8 +1,8 @@
-"""Is the camera alive? A pure judge of its frames; time is passed in.
+"""Watchdog for cameras: detects silence, frozen images and late frames. Pure; time is passed in.
 
-A camera that hangs looks exactly like a scene in which nothing moves, and a policy that sees the past steers
-by it. So a picture that repeats the last one bit by bit is nothing new and as old as the first of its kind;
-and silence, a picture that goes on repeating, one of long ago and a size that changes each end the camera.
+A frozen camera looks like a scene without motion, and a policy would steer by old images. So an exact copy of
+the last image is not new, and as old as the first copy. Silence, a repeating image, a late image and a change
+of size each end the camera.
 """
 
 from __future__ import annotations
@@ -17,15 +17,16 @@ if TYPE_CHECKING:
     from adatracker_deploy.core.messages import Frame
 
 SILENT_AFTER_S = 2.0
-"""Machine time without a frame, or that the newest took to come, after which a camera counts as gone, s."""
+"""Machine time without a frame, or delay of the newest one, after which a camera counts as lost, s."""
 FROZEN_AFTER_S = 1.8
-"""Machine time of one and the same picture after which it does: a real sensor's noise never repeats, s.
+"""Machine time of identical images after which a camera counts as frozen: a real sensor's noise never
+repeats, s.
 
 The loop, to which no new frame has come since, gives up after 2 s and could not say why."""
 
 
 class FrameWatch:
-    """Watches the frames of one camera.
+    """Monitors the frames of one camera.
 
     Args:
         name: how errors name the camera.
@@ -42,7 +43,7 @@ class FrameWatch:
         """Machine time for which the newest frame's picture has been the same."""
 
     def accept(self, frame: Frame, arrived_ns: int) -> bool:
-        """Take note of the next frame; return whether it shows anything that the last one did not.
+        """Add the next frame; return whether it differs from the last.
 
         Args:
             frame: with the time at which it was taken.
@@ -65,7 +66,7 @@ class FrameWatch:
         return True
 
     def refuse_dead(self, now_ns: int) -> None:
-        """See that frames come, and that they change; there is nothing to see before the first.
+        """Check that frames arrive and change; does nothing before the first.
 
         Raises:
             PlatformError: the camera is silent, late or frozen.

@@ -1,7 +1,7 @@
-"""A virtual camera: renders a world from the pose that the robot itself reports.
+"""A virtual camera: renders a world from the robot's reported pose.
 
-The robot may be simulated or real: a real drone in an empty field, or any other autopilot or simulator behind
-the same wire, follows a virtual person this way.
+The robot may be simulated or real: a real drone in an empty field, or any other autopilot or simulator with
+the same protocol, can follow a virtual person this way.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Anchor:
     x: float
     y: float
     z: float
-    """Of the ground that the robot started from, where its own heights begin."""
+    """Height of the ground at the robot's start, the zero of its own heights."""
     yaw: float
 
     @classmethod

@@ -1,4 +1,4 @@
-"""ROS 2's compressed images over Zenoh, the newest alone: from any robot, for any robot.
+"""Camera that receives ROS 2 compressed images over Zenoh; keeps only the newest.
 
 Imported only when somebody asks for such a camera, for it needs eclipse-zenoh.
 """
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class CompressedImageCamera(LiveCamera):
-    """Reads one key in a session of its own; on one machine a JPEG of 40 kB is on its way for less than 1 ms.
+    """Subscribes to one key in its own session; on one machine a 40 kB JPEG takes less than 1 ms.
 
     Args:
         name: how errors name the camera.
@@ -43,10 +43,10 @@ class CompressedImageCamera(LiveCamera):
         """Held by whoever uses the session: Zenoh's raises a RuntimeError when it is closed meanwhile."""
 
     def read(self, now_ns: int) -> Frame | None:
-        """Return the newest frame that had arrived at `now_ns`.
+        """Return the newest frame that had arrived by `now_ns`.
 
         Raises:
-            PlatformError: the robot does not answer any more, or its camera is silent or frozen.
+            PlatformError: the robot no longer answers, or its camera is silent or frozen.
         """
         with self._using:
             gone = self._session is not None and not any(_neighbours(self._session))
@@ -59,7 +59,7 @@ class CompressedImageCamera(LiveCamera):
         return dial(self._endpoint)
 
     def _begin(self, session: zenoh.Session) -> None:
-        """Do what there is to do before the first image, for those who know more of the robot."""
+        """Hook for subclasses, called before the first image."""
 
     def _truth(self, stamp_ns: int) -> Truth | None:  # noqa: ARG002 -- a real robot's images have none
         """Return the truth of the image with this stamp.

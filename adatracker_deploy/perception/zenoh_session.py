@@ -1,4 +1,4 @@
-"""The Zenoh session: one endpoint, nothing found by itself, a short lease, quick reconnects.
+"""Zenoh sessions with one endpoint, no discovery, a short lease and quick reconnects.
 
 Zenoh's own defaults listen on every interface and look for others by multicast, so that robots on one network
 hear each other's commands. Here the host dials one named endpoint and the robot's side listens on it.

@@ -1,1 +1,1 @@
-"""Policies: the bundle format, the ONNX runtime, the mask's drawing, a PID baseline. No robot, no camera."""
+"""Policies: the bundle format, the ONNX runtime, mask drawing, a PID baseline. No robot, no camera."""

@@ -1,4 +1,4 @@
-"""What a policy is to the loop, and how its action becomes a velocity."""
+"""The policy interface, and the conversion of an action to a velocity."""
 
 from __future__ import annotations
 
@@ -46,11 +46,11 @@ class PolicyInfo:
 
 
 class Policy(Protocol):
-    """Something that looks and acts, one observation after the other."""
+    """Maps observations to actions, one after the other."""
 
     @property
     def info(self) -> PolicyInfo:
-        """What it is."""
+        """Describe the policy."""
 
     def reset(self, seed: int = 0) -> None:
         """Forget everything: a new episode begins."""
@@ -62,8 +62,7 @@ class Policy(Protocol):
 def to_twist(values: NDArray[np.float32], spec: ActionSpec, limits: Limits) -> Twist:
     """Turn an action into a velocity: each number times the robot's limit on its axis.
 
-    Numbers beyond [-1, 1] are clipped; what is not finite stays so, for the gate to see and refuse: an
-    infinite action is no wish for full speed.
+    Numbers beyond [-1, 1] are clipped; NaN and infinity are kept for the gate to refuse.
     """
     scale = {
         "forward": limits.forward_m_s,

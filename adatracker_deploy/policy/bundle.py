@@ -1,4 +1,4 @@
-"""Policy bundles on disk: a folder that is what its manifest says to the byte, or is refused.
+"""Policy bundles on disk: folders whose content must match their manifest to the byte.
 
     manifest.yaml   what the policy is; its first line seals the rest
     policy.onnx     (mask, z, h, c) -> (action, h_next, c_next); last_action among the inputs where it is used

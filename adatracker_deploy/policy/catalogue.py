@@ -1,4 +1,4 @@
-"""Which policies there are, and how one is loaded by its name."""
+"""Lists the available policies and loads one by name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a class mask becomes what a network looks at.
+"""Draws a class mask as a network's input.
 
 Colours are drawn at `draw_size` and then reduced bilinearly, in 8 bits: the way of the published Offline-EVT
 policy (160 to 64). Reducing straight from the camera's size would shred arms and legs.

@@ -1,4 +1,4 @@
-"""Golden vectors: what a policy answered when it was exported, and must answer wherever it is loaded."""
+"""Golden vectors: a policy's answers at export, which it must reproduce wherever it is loaded."""
 
 from __future__ import annotations
 

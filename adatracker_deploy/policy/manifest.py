@@ -1,4 +1,4 @@
-"""What a policy bundle says of itself, and what its networks must look like. Data only: no files, no ONNX.
+"""The manifest of a policy bundle, and the tensors that its networks must have. Data only: no files, no ONNX.
 
 The runtime answers tick t with `policy(mask_t, z_t)`, where z_t comes from the K mask-action pairs of the
 ticks t-K to t-1. A pair from before the episode is blank: a mask and an action of zeros. A policy whose graph

@@ -1,4 +1,4 @@
-"""What an ONNX file may hold before a robot's computer runs it.
+"""Checks a bundle's ONNX graph against its manifest before it is run.
 
 Plain ONNX operators only, all weights inside the file (`onnx_file`), and tensors exactly as the manifest
 states.

@@ -1,4 +1,4 @@
-"""A policy bundle at work: one mask in, one action out, with what it must remember kept between.
+"""Runs a policy bundle: one mask in, one action out, with its state kept between ticks.
 
 The networks run on one thread that never spins: at 20 Hz spinning threads would burn most of a core and
 starve the camera. Inputs are handed over without a copy, and the networks' own outputs become their next
@@ -62,7 +62,7 @@ class OnnxPolicy:
             self._encoder.reset()
 
     def override_context(self, context: Array) -> None:
-        """Let it take its body for another: answer with this z, shape (Z,), until the next reset."""
+        """Override the context: answer with this z, shape (Z,), until the next reset."""
         self._imposed = np.asarray(context, np.float32)[None]
 
     def act(self, observation: Observation) -> Action:

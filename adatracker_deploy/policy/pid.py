@@ -1,4 +1,4 @@
-"""A mask-box PID: the honest baseline.
+"""A PID controller on the target's box: the baseline policy.
 
 It knows neither camera nor limits. The first box it sees is taken to be the wished picture, 2.5 m away; from
 then on it steers the box back there. Bearing comes from the box's centre under a nominal 90 degree field of
@@ -59,7 +59,7 @@ class PidGains:
     coast_s: float = 0.4
     """How long the last action, fading, is kept up when the target is not seen."""
     search_yaw: float = 0.6
-    """Then it turns at this towards where the target was last."""
+    """After that it turns at this rate towards the target's last position."""
 
 
 def bearing_of(box: Box) -> float:

@@ -1,1 +1,1 @@
-"""Trials run again from their logs: what a policy answers, what the gate would send. It moves nothing."""
+"""Re-runs policy and gate on a trial's log. It moves nothing."""

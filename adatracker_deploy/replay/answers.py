@@ -1,9 +1,9 @@
-"""A policy over what was logged: the same observations in the same order, from the same reset.
+"""Re-runs a policy on logged inputs: the same observations in the same order, from the same reset.
 
-A policy is a function of its bundle, the seed of its reset, and the observations that it was shown; what it
-remembers, its own last action among it, follows from these. The log holds each exactly: masks without loss,
-numbers as text that reads back to the same bits. So the same bundle on the same machine answers the same to
-the bit. It is an open loop: another policy sees what the logged one's actions led to, not its own.
+A policy is a function of its bundle, its reset seed and its observations; its state, including its last
+action, follows from these. The log holds each exactly: masks without loss, numbers as text that parses to the
+same bits. So the same bundle on the same machine gives bit-identical answers. It is an open loop: another
+policy sees the consequences of the logged actions, not of its own.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _STATES = {state.value: state for state in TargetState}
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What a policy answers to one tick: its action and its context z, empty without an encoder."""
+    """A policy's answer to one tick: its action and its context z, empty without an encoder."""
 
     step: StepRecord
     action: Numbers
@@ -41,7 +41,7 @@ class Answer:
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """Where the log lacks what the policy was shown: what it remembers is not known from there on."""
+    """A gap in the logged observations; the policy's state is unknown from there on."""
 
     step: int
     why: str
@@ -53,14 +53,14 @@ class Replayed:
 
     answers: tuple[Answer, ...]
     idle: int
-    """Ticks, up to there, whose observation was too old: the policy was not asked."""
+    """Ticks so far whose observation was too old, so that the policy was not run."""
     gap: Gap | None
 
 
 def answer_again(
     steps: Iterable[StepRecord], masks: Iterator[LoggedMask], policy: Policy, seed: int
 ) -> Replayed:
-    """Reset a policy and ask it what it was asked, tick by tick.
+    """Reset a policy and run it on the logged inputs, tick by tick.
 
     Args:
         steps: of one trial, ordered; a trial begins with step 0.

@@ -1,4 +1,5 @@
-"""Logged answers beside replayed ones: the first that differs in a bit, and how far they are apart."""
+"""Compares logged and replayed answers: the first that differs in any bit, and the size of the
+differences."""
 
 from __future__ import annotations
 
@@ -24,23 +25,23 @@ AXES = {"vx": "m/s", "vy": "m/s", "vz": "m/s", "yaw_rate": "rad/s"}
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """The first number that is not the same."""
+    """The first number that differs."""
 
     step: int
     what: Literal["action", "z"]
     place: int
-    """Of the number in the action or in z; -1 where there are more or fewer numbers than in the log."""
+    """Index of the number in the action or in z; -1 if their lengths differ."""
     logged: float
     replayed: float
 
     @property
     def by(self) -> float:
-        """How far they are apart; NaN where one of them is, or where their count is another."""
+        """The difference; NaN if one of them is, or if their counts differ."""
         return abs(self.replayed - self.logged)
 
     @property
     def words(self) -> str:
-        """What a person is told."""
+        """The difference in words for people."""
         if self.place < 0:
             return f"tick {self.step}, {self.what}: {self.replayed:g} numbers, in the log {self.logged:g}"
         amount = f"by {self.by:.2g}" if math.isfinite(self.by) else "one of them is no finite number"
@@ -50,7 +51,7 @@ class Difference:
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """How far two courses of a number lie apart, in magnitude; NaN counts as infinitely far."""
+    """Magnitude of the difference between two time series; NaN counts as infinite."""
 
     mean: float
     most: float

@@ -1,10 +1,10 @@
-"""Logged commands before the gate once more: under the trial's own limits, and under others.
+"""Re-runs the gate on logged commands, under the trial's own limits and under others.
 
-The commands stay what they were; only what the gate makes of them is worked out again. The link judges 50
-times a second, the log has what it judged as of each tick: commands, and what the robot said of itself. So
-the slots between two ticks are taken to lie at equal distances from the first, and the robot's state to last
-until the next. That is near what was sent, not equal to it: `agreement` says how near, by the trial's own
-limits. Where the robot was engaged is not logged; a fence is laid around where it was at the first tick.
+The commands are as logged; only the gate's output is computed again. The link runs the gate at 50 Hz, but the
+log has commands and robot states per tick only. So the slots are assumed to be evenly spaced between ticks,
+and the robot's state to hold until the next. The result is close to what was sent, not equal: `agreement`
+says how close, under the trial's own limits. Where the robot was engaged is not logged; a fence is laid
+around its position at the first tick.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ SLOT_NS = round(1e9 / RATE_HZ)
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """What the gate made of one tick's command."""
+    """The gate's output for one tick's command."""
 
     step: int
     sent: Twist
-    """In the last slot before the next tick."""
+    """The velocity in the last slot before the next tick."""
     reasons: frozenset[Reason]
     """Why it was changed, in any slot."""
 
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """What the gate made of a trial's commands, up to the tick at which it stopped the robot."""
+    """The gate's output for a trial's commands, up to the tick at which it stopped the robot."""
 
     ticks: tuple[Judged, ...]
     stop: Reason | None
@@ -56,7 +56,7 @@ class Judgement:
 
 
 def without_gaps(steps: Sequence[StepRecord]) -> list[StepRecord]:
-    """Return the ticks up to the first that is missing: a gate that hears nothing would stop."""
+    """Return the ticks up to the first missing one: without commands the gate would stop."""
     end = next((place for place, (a, b) in enumerate(pairwise(steps), 1) if b.step != a.step + 1), len(steps))
     return list(steps[:end])
 

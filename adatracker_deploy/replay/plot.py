@@ -1,4 +1,4 @@
-"""Two courses of a command as one picture: a chart for each axis, the logged one and the replayed one."""
+"""Plots logged and replayed commands, one chart per axis."""
 
 from __future__ import annotations
 

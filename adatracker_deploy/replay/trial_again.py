@@ -1,4 +1,4 @@
-"""A whole trial again: whose answers they are, whether they are the same, and what must be known of them."""
+"""Replays a whole trial and compares the results, with notes on their validity."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from adatracker_deploy.trial.reader import Trial
 
 _RATE_TOLERANCE = 0.1
-"""A busy robot misses some slots: rates that differ by less, relative to the policy's, are the same."""
+"""Relative rate difference that counts as equal, because a busy robot misses some slots."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,13 +39,13 @@ class PolicyAgain:
 
     name: str
     same: bool | None
-    """It is the one of the log, by the digests of its files; None where the log has none."""
+    """Whether it is the logged policy, by its files' digests; None if the log has none."""
     replayed: Replayed
     first: Difference | None
     logged: tuple[Twist, ...]
-    """What the logged answers asked for, tick by tick of `replayed.answers`."""
+    """The commands of the logged answers, tick by tick of `replayed.answers`."""
     asked: tuple[Twist, ...]
-    """What the replayed ones ask for, of the same robot."""
+    """The commands of the replayed answers, for the same robot."""
     apart: dict[str, Spread]
     """How far these two lie apart, by axis."""
     context_apart: Spread | None
@@ -69,10 +69,10 @@ class GateAgain:
 
 
 def ask_again(trial: Trial, policy: Policy) -> PolicyAgain:
-    """Ask a policy what the trial's was asked.
+    """Re-run a policy on a trial's logged inputs.
 
     Raises:
-        UsageError: the log has no tick that a policy was asked at, or says neither seed nor limits.
+        UsageError: the log has no tick at which a policy ran, or lacks seed or limits.
     """
     limits, seed = limits_of(trial), trial.config.get("seed")
     if not isinstance(seed, int):

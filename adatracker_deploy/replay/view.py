@@ -1,4 +1,4 @@
-"""What a replay found, as lines and tables for people and as one JSON object."""
+"""Shows a replay's results as text and tables, and as one JSON object."""
 
 from __future__ import annotations
 

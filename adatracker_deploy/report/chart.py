@@ -1,4 +1,4 @@
-"""Charts over time, drawn by OpenCV: what a film strip and a replay's plot have in common."""
+"""Charts over time, drawn by OpenCV, for film strips and replay plots."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Charts as inline SVG that stretches to any width; their words stay HTML, so that they never shrink.
+"""Charts as inline SVG that stretches to any width; their text is HTML, so that it never shrinks.
 
 A plot is 1000 wide and 100 high in its own units. Only curves, bars and shading are inside it.
 """
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 WIDTH, HEIGHT = 1000.0, 100.0
 COLUMNS = 600
-"""Of a curve that is too long to be drawn point by point: about a pixel each on a large screen."""
+"""Number of columns to which a long curve is reduced: about a pixel each on a large screen."""
 _LEAST_WIDTH = 1.0
 """Nothing that happened is narrower."""
 _NICE = (1.0, 1.5, 2.0, 3.0, 5.0, 10.0)

@@ -1,4 +1,4 @@
-"""A trial's steps as columns of numbers, and the stretches of time in which something held."""
+"""A trial's steps as columns of numbers, and the intervals in which a flag held."""
 
 from __future__ import annotations
 

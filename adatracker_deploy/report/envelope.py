@@ -1,4 +1,4 @@
-"""Fewer points for a curve that look like all of them: the extremes of every column are kept."""
+"""Downsamples a curve for drawing: the extremes of every column are kept."""
 
 from __future__ import annotations
 

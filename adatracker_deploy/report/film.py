@@ -1,4 +1,4 @@
-"""A trial as a film: every tick as it was seen, and what was sent; nothing is perceived or decided anew."""
+"""Renders a trial as a video from its log: every tick's frame and what was sent; nothing is recomputed."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _AXES = {
     "vertical": ("vz", "vertical_m_s"),
     "yaw": ("yaw_rate", "yaw_rate_rad_s"),
 }
-"""Of each axis: its place in a twist, and its limit in a profile."""
+"""For each axis: its field in a twist and its limit in a profile."""
 
 
 class Shot(NamedTuple):

@@ -1,4 +1,4 @@
-"""A trial as one picture: evenly spaced frames as the robot saw them, above its curves over time."""
+"""A trial as one image: evenly spaced camera frames above its curves over time."""
 
 from __future__ import annotations
 

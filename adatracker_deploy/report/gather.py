@@ -1,4 +1,4 @@
-"""What a report is made of, read from the logs: the only module here that opens files."""
+"""Reads a report's data from the logs; the only module here that opens files."""
 
 from __future__ import annotations
 

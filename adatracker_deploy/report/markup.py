@@ -1,4 +1,4 @@
-"""HTML that cannot be broken out of: whatever is not `Html` already is text, and is escaped."""
+"""Injection-safe HTML: everything that is not `Html` already is escaped as text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What else a trial's page tells: its events, what its log lacks, and what it was made with."""
+"""Further sections of a trial's page: events, gaps in the log, and provenance."""
 
 from __future__ import annotations
 

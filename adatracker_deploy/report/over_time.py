@@ -1,4 +1,4 @@
-"""What happened when: the parts of a trial's page that are drawn over its time, and the latency."""
+"""Sections of a trial's page that are drawn over time, and the latency."""
 
 from __future__ import annotations
 

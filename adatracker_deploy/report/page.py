@@ -1,4 +1,4 @@
-"""The page itself: its head, its style, and what trials and sets share."""
+"""The page's frame: head, style, and elements shared by trials and sets."""
 
 from __future__ import annotations
 

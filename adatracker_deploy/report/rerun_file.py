@@ -1,4 +1,4 @@
-"""A trial as a recording for Rerun's viewer: pictures, mask, box, and everything measured, on one time.
+"""Exports a trial as a Rerun recording: images, mask, box and all measurements on one timeline.
 
 Rerun's own reader of MCAP wants chunks, which a log that survives a power cut does not have. JPEGs are passed
 on as they are. Timelines: `time`, since the first tick, and `tick`.

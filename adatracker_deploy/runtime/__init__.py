@@ -1,1 +1,1 @@
-"""The real-time side: clock, loop, gate and the supervised link. No robot library, no policy, no camera."""
+"""The real-time part: pacer, loop, gate and the supervised link. No robot library, policy or camera."""

@@ -1,8 +1,8 @@
-"""The link's own record of its last 30 s, in a file that outlives the tracker and the link itself.
+"""Black box: the link's last 30 s, in a file that outlives the tracker and the link.
 
-A ring of slots, each with a number and a checksum: what the link was told (the newest set-point) and what it
-did (its status), as both went through shared memory, with the machine's two clocks. A slot is handed to the
-kernel within milliseconds, and then survives the kill of every process here; a power cut it does not.
+A ring of slots, each with a number and a checksum: the newest set-point and the link's status, as passed
+through shared memory, with the machine's two clocks. A slot reaches the kernel within milliseconds and then
+survives the death of every process here, but not a power cut.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ if TYPE_CHECKING:
     from adatracker_deploy.runtime.link import LinkStatus
 
 FILE_NAME = "black_box.bin"
-"""In the trial's folder."""
+"""Name in the trial's folder."""
 SECONDS = 30
 _SLOTS = round(SECONDS * RATE_HZ)
 _SLOT_BYTES = 1024
 _MAGIC = b"adatracker-deploy black box 1\n"
 _HEAD = struct.Struct("<QHI")
-"""The slot's number from 1 up, the length of what follows, its CRC-32."""
+"""Slot number from 1, length of the payload, its CRC-32."""
 _TIMES = struct.Struct("<QQH")
-"""CLOCK_MONOTONIC and CLOCK_BOOTTIME in ns, the length of the set-point; then set-point and status."""
+"""CLOCK_MONOTONIC and CLOCK_BOOTTIME in ns, length of the set-point; set-point and status follow."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,20 +44,20 @@ class Moment:
 
     monotonic_ns: int
     boottime_ns: int
-    """Ahead of the other by as long as the machine has been suspended."""
+    """Ahead of the monotonic clock by the total time suspended."""
     setpoint: Setpoint | None
-    """The newest that the link had been told; None before the first."""
+    """The newest set-point that the link had received; None before the first."""
     status: LinkStatus
 
 
 class BlackBox:
-    """Writes the ring from a thread of its own: whoever records waits for no disk.
+    """Writes the ring from its own thread, so that recording never waits for a disk.
 
     Args:
-        path: of the file, which is made; only this user can read it.
+        path: the file to create; only this user can read it.
 
     Raises:
-        OSError: it cannot be made.
+        OSError: it cannot be created.
     """
 
     def __init__(self, path: Path) -> None:
@@ -71,7 +71,7 @@ class BlackBox:
         self._thread.start()
 
     def record(self, setpoint: bytes | None, status: bytes) -> None:
-        """Keep what was told and what was done, as `runtime.wire` packs them; never blocks."""
+        """Record a set-point and a status, as packed by `runtime.wire`; never blocks."""
         monotonic_ns = time.monotonic_ns()
         boottime_ns = time.clock_gettime_ns(getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC))
         told = setpoint or b""
@@ -79,7 +79,7 @@ class BlackBox:
         self._news.set()
 
     def close(self) -> None:
-        """Write what is left; may be called twice."""
+        """Write what is still queued; may be called twice."""
         self._closed = True
         self._news.set()
         self._thread.join(1.0)
@@ -95,20 +95,20 @@ class BlackBox:
     def _put(self, record: bytes) -> None:
         packed = zlib.compress(record, 1)
         if _HEAD.size + len(packed) > _SLOT_BYTES:
-            return  # texts longer than any robot's: better this step is missing than two
+            return  # texts longer than any robot's: better to lose this step than two
         self._count += 1
         head = _HEAD.pack(self._count, len(packed), zlib.crc32(packed, self._count & 0xFFFFFFFF))
         place = len(_MAGIC) + self._count % _SLOTS * _SLOT_BYTES
-        with contextlib.suppress(OSError):  # a full disk costs the record, not the robot
+        with contextlib.suppress(OSError):  # a full disk must not stop the robot
             os.pwrite(self._fd, head + packed, place)
 
 
 def read_black_box(path: Path) -> tuple[Moment, ...]:
-    """Return what a black box holds, oldest first; slots that are not whole are left out.
+    """Return a black box's records, oldest first; incomplete slots are skipped.
 
     Raises:
         OSError: it cannot be read.
-        ValueError: it is no black box.
+        ValueError: it is not a black box.
     """
     data = path.read_bytes()
     if not data.startswith(_MAGIC):

@@ -1,4 +1,4 @@
-"""A robot's place in a dry run: everything runs but the actuators; nothing is connected, nothing can move."""
+"""Stands in for the robot in a dry run: nothing is connected, and nothing can move."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class DryRun(Platform):
-    """Takes commands, obeys none, and keeps to the rules of stopping; for the profile of any robot."""
+    """Accepts commands without carrying them out, and latches stops; works with any robot's profile."""
 
     name = "dry-run"
     axes = frozenset({"vx", "vy", "vz", "yaw_rate"})
@@ -28,21 +28,21 @@ class DryRun(Platform):
         self._stopped = ""
 
     def connect(self) -> None:
-        """Reach nothing."""
+        """Do nothing: there is no robot."""
 
     def preflight(self) -> tuple[Check, ...]:
-        """Say that this is a dry run."""
+        """Report that this is a dry run."""
         return (Check("dry run", ok=True, message="no robot is connected: nothing moves"),)
 
     def engage(self) -> None:
-        """Take commands from now on."""
+        """Accept commands from now on."""
         self._engaged, self._stopped = True, ""
 
     def send(self, command: Twist, now_ns: int) -> Twist:  # noqa: ARG002 -- nobody is there to be late for
-        """Return the command, which goes nowhere.
+        """Return the command, which is sent nowhere.
 
         Raises:
-            PlatformError: it is not finite, or a stop has latched.
+            PlatformError: the command is not finite, or a stop has latched.
         """
         if not command.is_finite():
             raise PlatformError("the command is not finite")
@@ -51,7 +51,7 @@ class DryRun(Platform):
         return command
 
     def state(self) -> PlatformState:
-        """Return the state of what stands still."""
+        """Return the state of a robot at rest."""
         return PlatformState(
             t_ns=self.clock.now_ns(),
             mode="DRY RUN",
@@ -69,7 +69,7 @@ class DryRun(Platform):
         self._engaged = False
 
     def close(self) -> None:
-        """Let go of nothing."""
+        """Do nothing: there is no connection."""
 
     @classmethod
     def body(cls, profile: Profile) -> Body:

@@ -1,4 +1,4 @@
-"""What a trial asks of its link besides velocities, and waits for: to engage, to stand, to let go."""
+"""The trial's requests to its link, with waiting: engage, stand still, disengage."""
 
 from __future__ import annotations
 
@@ -22,17 +22,18 @@ ENGAGE_TIMEOUT_S = 60.0
 DISENGAGE_TIMEOUT_S = 60.0
 STANDSTILL_TIMEOUT_S = 5.0
 STANDSTILL_M_S = 0.25
-"""Slower than this counts as standing: just above the velocity noise of a small drone's estimator."""
+"""Speed below which a robot counts as standing: just above the velocity noise of a small drone's
+estimator."""
 POLL_S = 0.02
 
 
 class Engagement:
-    """A robot's way into a trial and out of it; every time-out is of the run's clock.
+    """A robot's life cycle within a trial; every time-out is in the run's clock.
 
     Args:
         link: connected.
         clock: the run's.
-        tell: who is told what has been reached.
+        tell: receives progress messages.
     """
 
     def __init__(self, link: LinkProcess, clock: MonotonicClock, tell: Callable[[str], None]) -> None:
@@ -41,10 +42,10 @@ class Engagement:
         self._tell = tell
 
     def begin(self) -> None:
-        """Engage, and wait until the robot does what the gate lets through.
+        """Engage, and wait until the robot follows commands.
 
         Raises:
-            PlatformError: it stopped on the way, or was not engaged within `ENGAGE_TIMEOUT_S`.
+            PlatformError: it stopped while engaging, or was not engaged within `ENGAGE_TIMEOUT_S`.
         """
         self._link.engage()
         airborne = False
@@ -61,10 +62,11 @@ class Engagement:
         raise PlatformError(f"the robot was not engaged within {ENGAGE_TIMEOUT_S:g} s")
 
     def stand_still(self, reason: str) -> float | None:
-        """Hold; return the seconds of the run's clock until the robot stood, None if it was not moving.
+        """Hold; return the time until the robot stood still, s of the run's clock, or None if it was not
+        moving.
 
         Raises:
-            PlatformError: it still moved after `STANDSTILL_TIMEOUT_S`.
+            PlatformError: it was still moving after `STANDSTILL_TIMEOUT_S`.
         """
         self._link.hold(reason)
         began_ns = self._clock.now_ns()
@@ -79,10 +81,10 @@ class Engagement:
         raise PlatformError(f"the robot did not stand still within {STANDSTILL_TIMEOUT_S:g} s of the stop")
 
     def end(self, reason: str) -> None:
-        """Disengage, and wait until that is done.
+        """Disengage, and wait until done.
 
         Raises:
-            PlatformError: it was not within `DISENGAGE_TIMEOUT_S`.
+            PlatformError: it was not disengaged within `DISENGAGE_TIMEOUT_S`.
         """
         self._link.disengage(reason)
         for status in self.statuses(DISENGAGE_TIMEOUT_S):
@@ -91,10 +93,10 @@ class Engagement:
         raise PlatformError(f"the robot did not disengage within {DISENGAGE_TIMEOUT_S:g} s")
 
     def statuses(self, timeout_s: float) -> Iterator[LinkStatus]:
-        """Give the link's newest status again and again for `timeout_s`.
+        """Yield the link's newest status repeatedly for `timeout_s`.
 
         Raises:
-            PlatformError: the link process died, or does not answer.
+            PlatformError: the link process died, or does not respond.
         """
         began_ns = self._clock.now_ns()
         while (self._clock.now_ns() - began_ns) / 1e9 < timeout_s:

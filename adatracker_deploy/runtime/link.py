@@ -1,8 +1,8 @@
-"""The link: the one owner of gate and platform, stepped at 50 Hz.
+"""The link: the sole owner of gate and platform, stepped at 50 Hz.
 
-It takes the newest set-point, judges it, sends it, and says what it did. When nobody tells it what to do it
-sends zero, then holds, then disengages; it never starts again by itself. `link_process` runs it in a process
-of its own; tests and lock-step runs step the same code in theirs.
+It takes the newest set-point, judges it, sends it, and reports what it did. Without set-points it sends zero,
+then holds, then disengages; it never starts again by itself. `link_process` runs it in its own process; tests
+and lock-step runs step the same code in theirs.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ if TYPE_CHECKING:
 
 RATE_HZ = 50.0
 _MANOEUVRES = 3
-"""To engage, to hold and to disengage: each at most once, possibly at the same time."""
+"""Engage, hold and disengage: each at most once, possibly at the same time."""
 _AGAIN_S = 0.02
-"""Between two tries to end an engagement that has only just begun."""
+"""Interval between attempts to end an engagement that has only just begun, s."""
 
 Level = Literal["info", "warning", "error"]
 
@@ -60,7 +60,7 @@ _DRIVEN = (Phase.ACTIVE, Phase.HOLDING)
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something worth writing down."""
+    """An event for the log."""
 
     t_ns: int
     level: Level
@@ -69,10 +69,10 @@ class Event:
 
 @dataclass(frozen=True, slots=True)
 class Acted:
-    """The newest set-point that was sent to the robot, and when it first was; ns of the run's clock."""
+    """The newest set-point sent to the robot, and when it was first sent; ns of the run's clock."""
 
     setpoint_ns: int
-    """The set-point's own time, which names it."""
+    """The set-point's own time, which identifies it."""
     judged_ns: int
     """When the gate had judged it."""
     sent_ns: int
@@ -81,15 +81,15 @@ class Acted:
 
 @dataclass(frozen=True, slots=True)
 class LinkStatus:
-    """What the link did last, and the robot's own state."""
+    """The link's last action, and the robot's own state."""
 
     phase: Phase
     state: PlatformState
     sent: Twist = ZERO
     reasons: tuple[str, ...] = ()
-    """Why that is not what was asked for, by the names of `gate.Reason`; empty when it is."""
+    """Why that differs from the request, by the names of `gate.Reason`; empty if it does not."""
     stopped: str = ""
-    """Why a stop has latched, for people; empty while none has."""
+    """Why a stop has latched, in words for people; empty without a stop."""
     takeover: bool = False
     """Somebody else has control: see `PlatformState.taken_over`."""
     t_ns: int = 0
@@ -104,7 +104,7 @@ class Link:
         platform: connected; engaging and disengaging block, so they run in `spawn`.
         limits: the profile's, in the run's clock.
         clock: the run's.
-        newest: returns the newest set-point, or None.
+        newest: returns the newest set-point or None.
         spawn: runs a blocking manoeuvre; in a waiting thread by default, inline in lock-step runs.
     """
 
@@ -140,16 +140,16 @@ class Link:
         self._spawn(self._engage)
 
     def hold(self, reason: str) -> None:
-        """Stop and stay; latches. A robot that is still engaging has nothing to hold: it is given up."""
+        """Stop; latches. A robot that is still engaging cannot hold, and is disengaged."""
         self._halt(Stop(Reason.ASKED, reason))
 
     def disengage(self, reason: str) -> None:
-        """Give up control in the robot's safe way, from any phase; `status.phase` ends as DONE."""
+        """Disengage in the robot's safe way, from any phase; `status.phase` ends as DONE."""
         self._give_up(Stop(Reason.ASKED, reason))
 
     def step(self, now_ns: int) -> LinkStatus:
-        """Do one slot's work at `now_ns` and return what was done."""
-        driven = self.status.phase in _DRIVEN  # before the state is read: an older one says "not engaged"
+        """Run one 50 Hz step at `now_ns`; return the new status."""
+        driven = self.status.phase in _DRIVEN  # before the state is read: an older state says "not engaged"
         self._watch_machine()
         state, notices = self._platform.state(), self._platform.notices()
         with self._lock:
@@ -171,7 +171,7 @@ class Link:
         return events
 
     def note(self, level: Level, message: str) -> None:
-        """Write an event down."""
+        """Record an event."""
         self._events.append(Event(self._clock.now_ns(), level, message))
 
     def _judge(self, state: PlatformState, now_ns: int) -> tuple[Verdict, Setpoint | None]:
@@ -191,7 +191,7 @@ class Link:
             self._give_up(stop)
 
     def _lost(self, state: PlatformState, now_ns: int) -> Stop | None:
-        """Say who has fallen silent while the robot engages: the tracker, or the robot itself."""
+        """Return who has fallen silent while the robot engages: the tracker, or the robot itself."""
         setpoint, begun_ns = self._newest(), self._gate.armed_ns
         told_ns, heard_ns = max(setpoint.t_ns if setpoint else 0, begun_ns), max(state.t_ns, begun_ns)
         if (now_ns - told_ns) / 1e9 > self._limits.disengage_after_s:
@@ -213,12 +213,12 @@ class Link:
             self.status = replace(self.status, sent=sent, reasons=verdict.reasons, acted=acted)
 
     def _watch_machine(self) -> None:
-        """Stop when the machine was suspended: what its clocks call fresh is old, seen or commanded."""
+        """Stop if the machine was suspended: frames and commands that look fresh are old."""
         if why := self._suspends.trouble():
             self._halt(Stop(Reason.SUSPENDED, f"suspended: {why}"))
 
     def _halt(self, stop: Stop) -> None:
-        """Latch a stop and hold, unless the robot has stopped by itself: it is then left as it is."""
+        """Latch a stop and hold; a robot that has stopped by itself is left as it is."""
         with self._lock:
             phase = self.status.phase
             if phase is Phase.ACTIVE:
@@ -229,7 +229,7 @@ class Link:
             self._spawn(lambda: self._hold(stop.text))
 
     def _give_up(self, stop: Stop) -> None:
-        """Disengage for good; the first stop's reason stays."""
+        """Disengage for good; the first stop's reason is kept."""
         with self._lock:
             phase = self.status.phase
             if phase in (Phase.DISENGAGING, Phase.DONE):
@@ -279,7 +279,7 @@ class Link:
         self._try("hold", lambda: self._platform.hold(reason))
 
     def _disengage(self) -> None:
-        """Disengage, again if engaging had not ended before: an engage that begins undoes a stop."""
+        """Disengage; repeat if engaging was still in progress, because an engage undoes a stop."""
         settled = False
         while not settled:
             settled = self._engaging_over.is_set()
@@ -290,7 +290,7 @@ class Link:
             self._enter(Phase.DONE, self._gate.stop)
 
     def _try(self, what: str, manoeuvre: Callable[[], None]) -> str | None:
-        """Run a manoeuvre; a failure becomes an event and is returned, since threads lose errors."""
+        """Run a manoeuvre; a failure is recorded as an event and returned, since threads lose errors."""
         try:
             manoeuvre()
         except PlatformError as error:
@@ -304,10 +304,10 @@ class Link:
 
 
 class StandbyThreads:
-    """Threads that wait for jobs: out of memory, a machine cannot start one to stop a robot.
+    """A pool of waiting threads: a machine out of memory could not start one to stop a robot.
 
     Args:
-        count: as many jobs as can be under way at once.
+        count: the largest number of concurrent jobs.
     """
 
     def __init__(self, count: int) -> None:
@@ -316,7 +316,7 @@ class StandbyThreads:
             threading.Thread(target=self._work, name=f"standby {number}", daemon=True).start()
 
     def __call__(self, job: Callable[[], None]) -> None:
-        """Run a job in the first thread that is free."""
+        """Run a job in the first free thread."""
         self._jobs.put(job)
 
     def _work(self) -> None:

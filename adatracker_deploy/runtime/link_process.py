@@ -1,7 +1,7 @@
-"""The link in a process of its own, so that it outlives a tracker that hangs, stops or dies.
+"""Runs the link in its own process, so that it outlives a tracker that hangs, stops or dies.
 
 Set-points and status pass through shared memory (latest only); requests, answers and events through a pipe.
-The pipe's end is the tracker's death certificate: the link then holds, disengages and exits.
+When the pipe closes, the tracker has died: the link then holds, disengages and exits.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ PROCESS_NAME = "adatracker-link"
 class LinkProcess:
     """The tracker's handle on the link process.
 
-    Usable as a context manager: leaving it disengages a robot that is still engaged.
+    As a context manager it disengages a robot that is still engaged.
     """
 
     def __init__(
@@ -90,7 +90,7 @@ class LinkProcess:
         return self._process.pid or 0
 
     def connect(self) -> tuple[Check, ...]:
-        """Wait until the link has connected and return the robot's preflight.
+        """Wait until the link has connected; return the robot's preflight.
 
         Raises:
             UsageError: the connection's settings cannot work.
@@ -112,7 +112,7 @@ class LinkProcess:
         raise PlatformError(f"the robot's link did not come up within {CONNECT_TIMEOUT_S:g} s")
 
     def engage(self) -> None:
-        """Ask for engaging; `status().phase` tells when it is done."""
+        """Request engaging; `status().phase` shows when it is done."""
         self._ask("engage", "")
 
     def send(
@@ -122,30 +122,30 @@ class LinkProcess:
         self._setpoints.write(pack_setpoint(Setpoint(twist, now_ns, target_share, seen_ns)))
 
     def hold(self, reason: str) -> None:
-        """Ask for a latched stop."""
+        """Request a latched stop."""
         self._ask("hold", reason)
 
     def disengage(self, reason: str) -> None:
-        """Ask for disengaging; `status().phase` tells when it is done."""
+        """Request disengaging; `status().phase` shows when it is done."""
         self._ask("disengage", reason)
 
     def record(self, path: Path) -> None:
-        """Ask for a black box at `path`, a file that is not there yet."""
+        """Request a black box at `path`, which must not exist yet."""
         self._ask("record", str(path))
 
     def status(self) -> LinkStatus | None:
-        """Return what the link did last, or None before its first step."""
+        """Return the link's newest status, or None before its first step."""
         message = self._statuses.read()
         return None if message is None else unpack_status(message)
 
     def alive(self) -> bool:
-        """Tell whether the link process runs and goes on to say what it does; to be asked again and again."""
+        """Return whether the link process runs and still updates its status; to be polled."""
         status = self.status()
         self._pulse = self._pulse.look(status.t_ns if status else None, time.monotonic())
         return self._process.is_alive() and self._pulse.beats
 
     def drain_events(self) -> list[Event]:
-        """Return what the link noted since the last call."""
+        """Return the link's events since the last call."""
         with contextlib.suppress(PlatformError):
             while self._receive(timeout_s=0) is not None:
                 pass
@@ -153,10 +153,10 @@ class LinkProcess:
         return events
 
     def close(self, timeout_s: float = 60.0) -> None:
-        """Disengage if need be, end the process and wait for it; may be called twice.
+        """Disengage if needed, end the process and wait for it; may be called twice.
 
-        One that has not connected has engaged nothing: it ends at once. One that hangs is killed, lest it
-        wake up later and disturb what the robot does by itself.
+        A link that has not connected ends at once. One that hangs is killed, so that it cannot wake up later
+        and disturb the robot's own fail-safe.
         """
         self._ask("close", "closed")
         if not self._connected:
@@ -170,7 +170,7 @@ class LinkProcess:
         self._pipe.close()
 
     def _at_end(self) -> bool:
-        """Tell whether it has done what it was for, and only lets go of the wire."""
+        """Return whether the link is done and is only closing its connection."""
         status = self.status()
         return status is not None and status.phase is Phase.DONE
 
@@ -183,7 +183,7 @@ class LinkProcess:
         self.close()
 
     def _ask(self, request: str, reason: str) -> None:
-        with contextlib.suppress(OSError):  # a dead link is seen by `alive`; asking it again is no error
+        with contextlib.suppress(OSError):  # `alive` reports a dead link; a request to it is not an error
             self._pipe.send((request, reason))
 
     def _receive(self, timeout_s: float) -> tuple[str, Any] | None:
@@ -200,7 +200,7 @@ class LinkProcess:
 
 @contextlib.contextmanager
 def _deaf_to_interrupts() -> Iterator[None]:
-    """Start a process in here and no Ctrl-C ends it while it imports: it inherits which signals wait."""
+    """Block Ctrl-C for a process started within: it inherits the blocked signals while it imports."""
     resource_tracker.ensure_running()  # with the first process otherwise, and that would end the blocking
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
@@ -220,7 +220,7 @@ def _main(  # noqa: PLR0917 -- what a new process is given comes by position
 ) -> None:
     os.setsid()  # Ctrl-C and Ctrl-Z in the tracker's terminal must not reach the link
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    with contextlib.suppress(OSError):  # so that an operator finds it; other systems have no such file
+    with contextlib.suppress(OSError):  # so that an operator can find it; other systems have no such file
         Path("/proc/self/comm").write_text(PROCESS_NAME, encoding="ascii")
     platform = platform_class(profile, clock)
     try:
@@ -252,7 +252,8 @@ def _main(  # noqa: PLR0917 -- what a new process is given comes by position
 
 
 def wall_timeouts(limits: Limits, speed: float) -> Limits:
-    """Scale the time-outs to the run's clock: a loss takes as long to notice however fast the rehearsal."""
+    """Scale the time-outs to the run's clock, so that a loss is noticed after the same machine time at any
+    speed."""
     return dataclasses.replace(
         limits,
         command_timeout_s=limits.command_timeout_s * speed,
@@ -301,12 +302,12 @@ def _serve(
             link.disengage("terminated")
         try:
             status = link.step(tick.t_ns)
-        except Exception as error:  # whatever breaks here, the robot must be brought to rest
+        except Exception as error:  # whatever fails here, the robot must be brought to rest
             link.note("error", f"link: {type(error).__name__}: {error}")
             link.disengage("link_fault")
             status = link.status
         tell(status)
-    tell(link.status)  # it may have come to its end since the last step
+    tell(link.status)  # it may have ended since the last step
     if box is not None:
         box.close()
 
@@ -320,7 +321,7 @@ def _black_box(path: str, link: Link) -> BlackBox | None:
 
 
 def _obey(link: Link, request: str, reason: str) -> bool:
-    """Carry out one request; tell whether it was the last."""
+    """Carry out one request; return whether it was the last."""
     if request == "engage":
         link.engage()
     elif request == "hold":

@@ -1,7 +1,7 @@
-"""One writer's newest message, in memory that two processes share.
+"""A mailbox in shared memory that holds one writer's newest message.
 
-The writer never waits, and overwrites the older of two slots; each slot carries its number and a checksum,
-so a reader takes the newest whole one. A writer killed while it writes costs that message, nothing else.
+The writer never waits; it overwrites the older of two slots. Each slot has a number and a checksum, so a
+reader takes the newest whole one. A writer killed while writing loses only that message.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ _ATTEMPTS = 1000
 
 
 class Mailbox:
-    """Latest-only, one writer, any number of readers.
+    """Latest message only; one writer, any number of readers.
 
     Args:
         memory: a writable shared buffer of `Mailbox.size(capacity)` bytes, zero at first.
@@ -29,7 +29,7 @@ class Mailbox:
 
     @staticmethod
     def size(capacity: int) -> int:
-        """Return the bytes of memory that a mailbox needs."""
+        """Return the size of a mailbox, bytes."""
         return 2 * (_HEADER.size + capacity)
 
     def write(self, message: bytes) -> None:

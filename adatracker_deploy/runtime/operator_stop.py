@@ -1,6 +1,6 @@
 """The operator's ways to stop: signals, the Enter key, and a file descriptor for hooks.
 
-Whatever asks to stop is remembered until the command ends, also while a trial ends by itself.
+A stop request is remembered until the command ends, even while a trial is already ending.
 """
 
 from __future__ import annotations
@@ -19,22 +19,22 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""Ctrl-C, `adatracker-deploy stop`, and a terminal that is gone, as when SSH drops."""
+"""Ctrl-C, `adatracker-deploy stop`, and a lost terminal, as when SSH drops."""
 
 
 class StopRequest:
-    """A request to stop this command, from any of `SIGNALS`; raises KeyboardInterrupt when it comes.
+    """Handles requests to stop this command, from any of `SIGNALS`, by raising KeyboardInterrupt.
 
-    Within a trial only the first does, and none while the trial ends: that is bounded in time, and must not
-    be cut short before the robot rests and the log is closed. All are remembered.
+    Within a trial only the first raises, and none while the trial ends: ending takes a bounded time and must
+    not be cut short before the robot rests and the log is closed. All are remembered.
 
     Args:
-        on_first: called in the signal's handler when the first comes.
+        on_first: called in the signal handler at the first request.
     """
 
     def __init__(self, on_first: Callable[[], None] = lambda: None) -> None:
         self.asked = False
-        """Somebody has asked to stop."""
+        """A stop has been requested."""
         self._on_first = on_first
         self._in_trial = False
         self._only_remembers = False
@@ -42,7 +42,8 @@ class StopRequest:
 
     @contextlib.contextmanager
     def listening(self) -> Iterator[None]:
-        """Take the signals, in the main thread; a SIGHUP that was ignored, as under ``nohup``, still is."""
+        """Install the signal handlers, in the main thread; an ignored SIGHUP, as under ``nohup``, stays
+        ignored."""
         before = {number: signal.getsignal(number) for number in SIGNALS}
         for number, handler in before.items():
             if not (number is signal.SIGHUP and handler is signal.SIG_IGN):
@@ -55,7 +56,7 @@ class StopRequest:
 
     @contextlib.contextmanager
     def trial(self) -> Iterator[None]:
-        """Run one trial in here."""
+        """Context in which one trial runs."""
         self._in_trial = True
         try:
             yield
@@ -64,7 +65,7 @@ class StopRequest:
 
     @contextlib.contextmanager
     def finishing(self) -> Iterator[None]:
-        """Only remember what comes meanwhile, and in what is left of the trial."""
+        """From now on, until the trial has ended, only remember requests."""
         self._only_remembers = True  # first: what comes while the handlers are changed is remembered, too
         try:
             with self.listening():
@@ -82,7 +83,7 @@ class StopRequest:
             raise KeyboardInterrupt
 
     def _let_go_of_lost_terminals(self) -> None:
-        """Write nowhere from now on: to a terminal that is gone every line would be an error."""
+        """Redirect output to nowhere: with a lost terminal every line would be an error."""
         for number in self._terminals:
             if not os.isatty(number):
                 nowhere = os.open(os.devnull, os.O_WRONLY)
@@ -92,10 +93,10 @@ class StopRequest:
 
 @contextlib.contextmanager
 def heard(stop_fd: int | None) -> Iterator[bool]:
-    """Interrupt this process, as Ctrl-C does, when the operator stops it; give whether Enter does.
+    """Interrupt this process, as Ctrl-C does, on an operator's stop; yield whether Enter counts.
 
-    Enter does in a terminal. `stop_fd` stops when anything can be read from it, and when its other end is
-    closed: a hook that died stops the robot.
+    Enter counts in a terminal. `stop_fd` stops the run when anything can be read from it, or when its other
+    end is closed: a hook that died stops the robot.
 
     Raises:
         UsageError: `stop_fd` is not open for reading.
@@ -128,7 +129,7 @@ def _readable(number: int) -> int:
 
 
 def in_terminal() -> bool:
-    """Tell whether somebody sits before this process: a job in the background must not read the terminal."""
+    """Return whether this is a terminal's foreground job; a background job must not read the terminal."""
     if sys.stdin is None:
         return False
     try:
@@ -143,5 +144,5 @@ def _watch(watched: list[int], end: int) -> None:
         return
     for number in ready:
         if os.isatty(number):
-            os.read(number, 4096)  # else the shell would be given the line
+            os.read(number, 4096)  # otherwise the shell would receive the line
     os.kill(os.getpid(), signal.SIGINT)

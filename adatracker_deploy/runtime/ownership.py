@@ -1,8 +1,8 @@
-"""One owner for each robot: who drives it on this machine, and that nobody else here does.
+"""Ensures that only one process on this machine drives a given robot.
 
-A claim is an abstract Unix socket (unix(7)), whose name the kernel gives to one process at a time and takes
-back whatever ends that process. It holds across users and needs no file; like a CAN interface it belongs to a
-network namespace, so two containers with networks of their own do not see each other's.
+A claim is an abstract Unix socket (unix(7)): the kernel gives its name to one process at a time and frees it
+however that process ends. It works across users and needs no file. Like a CAN interface it belongs to a
+network namespace, so containers with their own networks do not see each other's claims.
 """
 
 from __future__ import annotations
@@ -20,10 +20,11 @@ _CREDENTIALS = struct.Struct("3i")
 
 
 class Claim:
-    """This process owns a robot until `close`, or until it ends.
+    """This process's ownership of a robot, until `close` or until the process ends.
 
     Args:
-        robot: names the robot's wire, the same in every run that would reach it: ``can:socketcan:can0``.
+        robot: names the robot's connection, the same in every run that would reach it:
+            ``can:socketcan:can0``.
 
     Raises:
         PlatformError: another process on this machine owns it.
@@ -48,14 +49,14 @@ class Claim:
         self._socket = made
 
     def close(self) -> None:
-        """Give the robot back; may be called twice."""
+        """Release the robot; may be called twice."""
         made, self._socket = self._socket, None
         if made is not None:
             made.close()
 
 
 def _owner(address: str) -> str:
-    """Say which process holds a claim; empty where that cannot be found out."""
+    """Describe the process that holds a claim; empty if unknown."""
     with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
         probe.setblocking(False)
         probe.connect(address)

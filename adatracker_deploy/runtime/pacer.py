@@ -1,4 +1,4 @@
-"""A rate kept at absolute deadlines: no drift, and a missed slot is skipped, never replayed in a burst."""
+"""Keeps a rate by absolute deadlines: no drift, and a missed slot is skipped, never replayed in a burst."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Tick:
-    """One slot that is being used."""
+    """One slot in use."""
 
     t_ns: int
-    """The clock now."""
+    """The current time."""
     lateness_s: float
-    """How long after its deadline the slot began; at most half a period, unless patience ended."""
+    """How late the slot began after its deadline; at most half a period, unless patience ran out."""
     skipped: int
-    """Slots missed since the tick before."""
+    """Slots missed since the previous tick."""
 
 
 class Pacer:
@@ -37,8 +37,8 @@ class Pacer:
         """Sleep until the next slot that is not yet half over.
 
         Args:
-            patience: slots; once so many have been missed in a row there is no more sleeping, and what is
-                returned says so at once: `Tick.skipped` is then at least this.
+            patience: slots; after this many consecutive missed slots, return at once without sleeping;
+                `Tick.skipped` is then at least this.
         """
         skipped = -1
         while True:

@@ -1,4 +1,4 @@
-"""Whether a process that should write something new all the time still does. Pure."""
+"""Heartbeat monitor: does a process still update what it writes? Pure."""
 
 from __future__ import annotations
 
@@ -6,23 +6,23 @@ from dataclasses import dataclass, replace
 
 LINK_LOST = "the link process died or hangs; the robot's own time-out stops it"
 SILENT_S = 3.0
-"""A link that has said nothing new for so long hangs: it steps 50 times a second, and waits for nobody."""
+"""A link silent for this long hangs: it steps 50 times a second and never waits."""
 LONGEST_LOOK_S = 0.5
-"""Who has not looked for longer was held up itself, and does not know."""
+"""If the last look is longer ago, the watcher itself was delayed, and cannot tell."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pulse:
-    """What has been seen of a process up to now; each look returns the next."""
+    """The heartbeat as seen so far; each look returns the next state."""
 
     beat: int | None = None
-    """What it wrote last: anything that changes with each writing."""
+    """The last value written: anything that changes with each write."""
     looked_s: float = 0.0
     silent_s: float = 0.0
-    """For how long whoever looks has seen nothing new."""
+    """How long nothing new has been seen."""
 
     def look(self, beat: int | None, now_s: float) -> Pulse:
-        """Take what is there at `now_s`, machine time."""
+        """Take the value read at `now_s`, machine time."""
         passed_s = now_s - self.looked_s
         if beat != self.beat:
             return Pulse(beat, now_s)
@@ -31,5 +31,5 @@ class Pulse:
 
     @property
     def beats(self) -> bool:
-        """Whether it still runs, as far as can be told."""
+        """Whether the process still runs, as far as known."""
         return self.silent_s < SILENT_S

@@ -1,4 +1,4 @@
-"""A policy at its own rate along observations that come at any other: the loop's way, without the loop.
+"""Runs a policy at its own rate on observations of any rate, as the loop does, without the loop.
 
 Pure but for the policy's state; time is that of the observations.
 """
@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 
 
 class RateAdapter:
-    """Ticks from the first observation on; each tick takes the newest observation, unless it is too old."""
+    """Ticks at the policy's rate from the first observation on; each tick uses the newest one, unless too
+    old."""
 
     def __init__(self, policy: Policy) -> None:
         self._policy = policy
@@ -26,9 +27,9 @@ class RateAdapter:
         self._action: Action | None = None
 
     def act(self, observation: Observation) -> Action | None:
-        """Let the ticks up to this observation's time pass; return the last one's action.
+        """Run the ticks up to this observation's time; return the last one's action.
 
-        None stands for no action: the observation was too old for the policy to be asked.
+        None means no action: the observation was too old.
         """
         if self._last is None:
             self._began_ns, self._last = observation.t_ns, observation

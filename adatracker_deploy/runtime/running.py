@@ -1,8 +1,8 @@
-"""Which trials run on this machine, so that `adatracker-deploy stop` finds them.
+"""Registry of the trials running on this machine, for `adatracker-deploy stop`.
 
-Each has a file of its own, named by its process, in one folder for each user: in /dev/shm, which all sessions
-of a machine share whatever their environment says, and which a reboot empties. A file whose process is gone,
-or is another one by now, says nothing. A process that was told to stop says there that it heard.
+Each trial has a file named by its process, in a folder per user in /dev/shm: all sessions share it, whatever
+their environment, and a reboot empties it. A file is ignored if its process is gone or its number was reused.
+A process that was told to stop acknowledges it in its file.
 """
 
 from __future__ import annotations
@@ -17,36 +17,37 @@ from pathlib import Path
 from adatracker_deploy.core.errors import UsageError
 
 PLACE_VARIABLE = "ADATRACKER_RUN_DIR"
-"""Environment variable that names another place; trials there are found only by those who name it, too."""
+"""Environment variable that names another folder; trials there are found only with the same setting."""
 _STOPPING = "stopping"
 _LOGGING = "log "
 _BEGAN = 19
-"""Place of a process's start time in what follows its name in /proc/PID/stat (proc(5), field 22)."""
+"""Index of the start time among the fields after the name in /proc/PID/stat (proc(5), field 22)."""
 _FOLDER = "adatracker-deploy-"
 
 
 @dataclass(frozen=True, slots=True)
 class Running:
-    """A process that drives a robot, or is about to."""
+    """A process that drives a robot or is about to."""
 
     pid: int
     began: str
-    """Linux's clock ticks from boot to its start: tells it from a later process with its number."""
+    """Its start, in Linux clock ticks from boot: distinguishes it from a later process with the same
+    number."""
     platforms: str
-    """As ``--platform`` was given: a name, or several with commas between them."""
+    """The ``--platform`` argument: one name, or several separated by commas."""
     stopping: bool
-    """It has heard that it shall stop."""
+    """It has acknowledged a stop request."""
     user: int
-    """Whose process it is."""
+    """The user who owns the process."""
     log: str = ""
-    """The folder of its trial's log; empty before there is one."""
+    """Its trial's log folder; empty before there is one."""
 
     def alive(self) -> bool:
-        """Tell whether it still runs."""
+        """Return whether it still runs."""
         return _began(self.pid) == self.began
 
     def is_meant(self, selector: str) -> bool:
-        """Tell whether this is named: by platform, process number, or log folder (whole or its name)."""
+        """Return whether a name means this trial: platform, process number, or log folder (path or name)."""
         known = {str(self.pid), *self.platforms.split(",")}
         if self.log:
             known |= {self.log, Path(self.log).name, str(Path(self.log).resolve())}
@@ -54,10 +55,10 @@ class Running:
 
 
 def folder() -> Path:
-    """Return this user's folder, made if need be; others can read it, and nobody else can write it.
+    """Return this user's folder, created if needed; others can read it but not write it.
 
     Raises:
-        UsageError: it is somebody else's.
+        UsageError: it belongs to somebody else.
     """
     path = _place() / f"{_FOLDER}{os.getuid()}"
     with contextlib.suppress(FileExistsError):
@@ -75,15 +76,15 @@ class Announcement:
         self._path.write_text(f"{_began(os.getpid())}\n{platforms}\n")
 
     def logging(self, log: Path) -> None:
-        """Say which folder the log of the trial that now runs is in."""
+        """Announce the current trial's log folder."""
         self._say(f"{_LOGGING}{log.absolute()}")
 
     def stopping(self) -> None:
-        """Say that this process has heard that it shall stop."""
+        """Acknowledge a stop request."""
         self._say(_STOPPING)
 
     def close(self) -> None:
-        """Take it away."""
+        """Remove the file."""
         self._path.unlink(missing_ok=True)
 
     def _say(self, line: str) -> None:
@@ -92,7 +93,7 @@ class Announcement:
 
 
 def running() -> tuple[Running, ...]:
-    """Return what runs now, this user's first, then other users'; forget what does not run."""
+    """Return the running trials, this user's first; remove stale files."""
     mine = folder()
     others = (path for path in sorted(_place().glob(f"{_FOLDER}*")) if path != mine)
     return tuple(one for place in (mine, *others) for one in _running_in(place))
@@ -115,7 +116,7 @@ def _running_in(place: Path) -> list[Running]:
                 user=int(user),
                 log=logs[-1] if logs else "",
             )
-            # A file may name any process: only one of the file's own user is believed to be meant.
+            # A file may name any process; believe it only if the process belongs to the file's user.
             if one.alive() and Path(f"/proc/{one.pid}").stat().st_uid == one.user:
                 found.append(one)
             elif one.user == os.getuid():
@@ -131,7 +132,7 @@ def _place() -> Path:
 
 
 def _is_sound(path: Path, user: int) -> bool:
-    """Tell whether a folder belongs to a user and nobody else can write it."""
+    """Return whether a folder belongs to a user and nobody else can write it."""
     try:
         found = path.lstat()
     except OSError:
@@ -140,7 +141,7 @@ def _is_sound(path: Path, user: int) -> bool:
 
 
 def _began(pid: int) -> str | None:
-    """Return when a process began; None if there is none, or it only waits to be buried."""
+    """Return when a process began; None if there is none, or it is a zombie."""
     try:
         after_name = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     except OSError:

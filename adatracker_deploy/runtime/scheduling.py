@@ -1,17 +1,16 @@
-"""Real-time priority and cores for the threads that keep time: asked for, given, read back from the kernel.
+"""Real-time priority and cores for the time-critical threads: requested, set, and read back from the kernel.
 
-Linux gives both to a thread, and what a thread starts inherits them. The loop's thread takes them while it
-loops. The link takes them before it connects, so that its adapter's threads, which carry the same commands,
-have them too.
+On Linux both belong to a thread and are inherited by threads it starts. The loop's thread takes them while it
+loops. The link takes them before it connects, so that its adapter's threads have them too.
 
-The loop's thread alone would gain little: it needs the interpreter's lock, and whoever holds that at an
-ordinary priority is kept from running by any busy process, and the loop with it. So the tracker's other
-Python threads (perception, the camera's reader) come before ordinary processes as well, behind the loop. A
-network's own threads, which never hold the lock, stay ordinary, and so does the log's writer.
+Priority for the loop's thread alone would help little: a normal-priority thread that holds the GIL can be
+preempted by any busy process while the loop waits for it (priority inversion). So the tracker's other Python
+threads (perception, camera reader) get real-time priority too, below the loop's. Inference threads, which
+never hold the GIL, keep normal priority, and so does the log's writer.
 
-A core that has nothing to do sleeps, and takes its time to wake: on bare metal up to a fraction of a
-millisecond, on a virtual machine as long as its host likes, which was 10 ms and more. Real-time priority is
-of no use to who has not been woken, so cores are kept awake as well, where the system allows that.
+An idle core sleeps and needs time to wake: on bare metal a fraction of a millisecond, on a virtual machine as
+long as its host takes (10 ms and more were measured). Real-time priority does not help a sleeping core, so
+cores are kept awake as well, where the system allows it.
 """
 
 from __future__ import annotations
@@ -34,14 +33,15 @@ if TYPE_CHECKING:
 LINK_PRIORITY = 45
 LOOP_PRIORITY = 40
 BESIDE_PRIORITY = 20
-"""Of SCHED_FIFO, 1 to 99: the link, the loop, and what shares its interpreter. Interrupts have 50."""
+"""SCHED_FIFO priorities, 1 to 99: the link, the loop, and the threads that share its interpreter. Interrupts
+have 50."""
 MEND = "a line `USER - rtprio 50` in /etc/security/limits.d/rt.conf, then log in again"
-"""How a user is allowed real-time priority."""
+"""How to allow a user real-time priority."""
 LATENCY_FILE = Path("/dev/cpu_dma_latency")
-"""Whoever holds it open says how long any core may take to wake, in microseconds, a 32-bit integer
+"""While held open, sets the longest wake-up time of any core, in microseconds, as a 32-bit integer
 (docs.kernel.org/power/pm_qos_interface.html)."""
 MEND_AWAKE = f'KERNEL=="{LATENCY_FILE.name}", GROUP="realtime", MODE="0660" in a file in /etc/udev/rules.d'
-"""How a group of users is allowed to keep cores awake."""
+"""How to allow a group of users to keep cores awake."""
 
 _POLICIES = {os.SCHED_OTHER: "ordinary priority", os.SCHED_FIFO: "SCHED_FIFO", os.SCHED_RR: "SCHED_RR"}
 _PART = re.compile(r"(\d{1,5})(?:-(\d{1,5}))?", re.ASCII)
@@ -49,18 +49,18 @@ _PART = re.compile(r"(\d{1,5})(?:-(\d{1,5}))?", re.ASCII)
 
 @dataclass(frozen=True, slots=True)
 class Scheduling:
-    """What the threads that keep time are to be given."""
+    """Requested scheduling of the time-critical threads."""
 
     realtime: bool = False
-    """SCHED_FIFO, at the priorities above."""
+    """Use SCHED_FIFO, at the priorities above."""
     cpus: frozenset[int] = frozenset()
-    """The only cores that they may use; empty: any."""
+    """The cores that they may use; empty for any."""
 
     def __bool__(self) -> bool:
         return self.realtime or bool(self.cpus)
 
     def check(self) -> None:
-        """See that it can be had, by having it for a moment.
+        """Check that it can be had, by setting it briefly.
 
         Raises:
             UsageError: the system refuses it.
@@ -70,7 +70,7 @@ class Scheduling:
 
     @contextlib.contextmanager
     def awake(self) -> Iterator[bool]:
-        """Keep the machine's cores awake in real time, where that is allowed; give whether they are."""
+        """Keep the machine's cores awake if real-time is requested and allowed; yield whether they are."""
         with contextlib.ExitStack() as stack:
             held = False
             with contextlib.suppress(OSError):
@@ -81,7 +81,7 @@ class Scheduling:
 
     @contextlib.contextmanager
     def while_looping(self) -> Iterator[None]:
-        """Have it in the calling thread, and priority in those beside it; give it back at the end.
+        """Set it in the calling thread, and priority in its sibling threads; restore both at the end.
 
         Raises:
             UsageError: as `check`.
@@ -99,7 +99,7 @@ class Scheduling:
             yield
 
     def take(self, priority: int) -> None:
-        """Have it for good, in the calling thread and what it starts from now on.
+        """Set it permanently, in the calling thread and in threads it starts from now on.
 
         Raises:
             UsageError: as `check`.
@@ -123,7 +123,7 @@ ORDINARY = Scheduling()
 
 @contextlib.contextmanager
 def _kept(thread: int) -> Iterator[None]:
-    """Give a thread back what it has now, whatever it was given meanwhile; 0 is the calling one."""
+    """Restore a thread's current scheduling on exit; 0 is the calling thread."""
     had = None
     with contextlib.suppress(ProcessLookupError):
         had = os.sched_getscheduler(thread), os.sched_getparam(thread), os.sched_getaffinity(thread)
@@ -140,7 +140,8 @@ def _kept(thread: int) -> Iterator[None]:
 
 
 def obtained(pid: int = 0) -> str:
-    """Say what a process's first thread, or with 0 the calling one, really has, as the kernel tells it."""
+    """Describe the actual scheduling of a process's first thread (0: the calling thread), as the kernel
+    reports it."""
     policy = os.sched_getscheduler(pid) & ~os.SCHED_RESET_ON_FORK
     told = _POLICIES.get(policy, f"scheduling policy {policy}")
     if priority := os.sched_getparam(pid).sched_priority:
@@ -149,14 +150,14 @@ def obtained(pid: int = 0) -> str:
 
 
 def read_cpus(text: str, usable: AbstractSet[int]) -> frozenset[int]:
-    """Read a list of cores as ``taskset -c`` takes it: ``2``, ``0,2-3``.
+    """Parse a list of cores as for ``taskset -c``: ``2``, ``0,2-3``.
 
     Args:
         text: the list.
         usable: the cores that this process may use.
 
     Raises:
-        UsageError: it is no list, or names a core that is not usable.
+        UsageError: it is not a list, or names an unusable core.
     """
     cpus: set[int] = set()
     for part in text.split(","):
@@ -170,7 +171,7 @@ def read_cpus(text: str, usable: AbstractSet[int]) -> frozenset[int]:
 
 
 def cpus_text(cpus: AbstractSet[int]) -> str:
-    """Write a set of cores as `read_cpus` reads it."""
+    """Format a set of cores for `read_cpus`."""
     parts: list[str] = []
     for cpu in sorted(cpus):
         if cpu - 1 not in cpus:

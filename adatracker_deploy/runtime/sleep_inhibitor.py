@@ -1,6 +1,6 @@
-"""Keeps the machine from going to sleep while it drives a robot, by systemd's inhibitor where there is one.
+"""Prevents system sleep while driving a robot, with systemd's inhibitor where available.
 
-A sleep that comes all the same, of an empty battery say, is noticed by the link (`clock.suspended_ns`).
+If the machine sleeps anyway, as on an empty battery, the link notices (`clock.suspended_ns`).
 """
 
 from __future__ import annotations
@@ -15,17 +15,18 @@ if TYPE_CHECKING:
 
 ANSWER_S = 2.0
 _KINDS = ("sleep:idle:handle-lid-switch", "sleep:idle")
-"""What is asked for, the second where the first is refused; logind lets a closed lid pass a lock on sleep."""
+"""Locks to request, the second if the first is refused; a closed lid overrides logind's sleep lock."""
 _HELD = "echo held; exec cat"
-"""Runs under the lock until its input ends, which is when this process does, whatever ends it."""
+"""Runs under the lock until its input ends, which is when this process ends, however it does."""
 
 
 @contextlib.contextmanager
 def inhibited(why: str) -> Iterator[str]:
-    """Hold the lock in here; give what it covers, as systemd-inhibit(1) names it, empty where there is none.
+    """Hold the lock; yield what it covers, by the names of systemd-inhibit(1), or an empty string without
+    one.
 
     Args:
-        why: shown to who asks the machine to sleep.
+        why: shown to anybody who tries to suspend the machine.
     """
     for kinds in _KINDS:
         holder = _hold(kinds, why)
@@ -41,7 +42,7 @@ def inhibited(why: str) -> Iterator[str]:
 
 
 def _hold(kinds: str, why: str) -> subprocess.Popen[bytes] | None:
-    """Return the process that holds a lock; None where that is refused, or there is no systemd."""
+    """Return the process that holds a lock; None if refused, or without systemd."""
     try:
         holder = subprocess.Popen(
             [
@@ -51,7 +52,7 @@ def _hold(kinds: str, why: str) -> subprocess.Popen[bytes] | None:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            start_new_session=True,  # a Ctrl-C in the terminal must not let the machine sleep
+            start_new_session=True,  # a Ctrl-C in the terminal must not end the lock
         )
     except OSError:
         return None

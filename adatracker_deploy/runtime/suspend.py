@@ -1,4 +1,4 @@
-"""Whether the machine was suspended while a robot was driven: what was asked for before counts no more."""
+"""Detects that the machine was suspended while driving a robot; commands from before are void."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ if TYPE_CHECKING:
     from adatracker_deploy.core.clock import Clock
 
 LONGEST_NS = 100_000_000
-"""Below this it is no suspend but two clocks that were not read at quite the same time."""
+"""Shorter differences are not a suspend, but two clocks read at slightly different times."""
 
 
 class SuspendWatch:
-    """Compares the clock's suspends with what they were when the robot was engaged.
+    """Compares the clock's total suspend time with that at engaging.
 
     Args:
         clock: the run's; it stands still in a suspend, so no age of a command shows one.
@@ -23,10 +23,10 @@ class SuspendWatch:
         self._began_ns = clock.suspended_ns()
 
     def begin(self) -> None:
-        """Watch from now on; what came before counts no more."""
+        """Start watching; earlier suspends are ignored."""
         self._began_ns = self._clock.suspended_ns()
 
     def trouble(self) -> str:
-        """Say for how long the machine was suspended; empty if it was not."""
+        """Describe how long the machine was suspended; empty if it was not."""
         asleep_ns = self._clock.suspended_ns() - self._began_ns
         return f"the machine was suspended for {asleep_ns / 1e9:.1f} s" if asleep_ns > LONGEST_NS else ""

@@ -1,7 +1,7 @@
-"""Ticks that wait for what the link makes of them, so that one record is one tick's. No I/O, no clock.
+"""Joins each tick with the link's answer to its set-point, so that a record is of one tick. No I/O, no clock.
 
-A tick is over before the link has acted on its set-point. Its record waits until the link says what became of
-that set-point, which the set-point's own time names; then it is whole.
+A tick ends before the link has acted on its set-point. Its record waits until the link reports what became of
+that set-point, identified by the set-point's own time; then it is complete.
 """
 
 from __future__ import annotations
@@ -18,36 +18,36 @@ if TYPE_CHECKING:
     from adatracker_deploy.runtime.link import Acted, LinkStatus
 
 PATIENCE_TICKS = 2
-"""A record waits no longer: at 50 Hz, the link's own rate, its answer may miss one tick, and a link that does
-not run answers none."""
+"""A record waits no longer, ticks: at 50 Hz, the link's own rate, its answer may miss one tick, and a dead
+link never answers."""
 
 
 class Handed(NamedTuple):
-    """A tick whose set-point is in the link's hands."""
+    """A tick whose set-point was handed to the link."""
 
     record: StepRecord
-    """As it is known before the link has acted; its `t_ns` names the set-point."""
+    """The record before the link has acted; its `t_ns` identifies the set-point."""
     seen: Seen
     handed_ns: int
     """When the link could read the set-point."""
 
 
 class Trace:
-    """The ticks that wait, the oldest first."""
+    """The pending ticks, oldest first."""
 
     def __init__(self) -> None:
         self._waiting: deque[Handed] = deque()
 
     def hand_over(self, record: StepRecord, seen: Seen, handed_ns: int) -> None:
-        """Take a tick whose set-point the link can read from `handed_ns` on."""
+        """Add a tick whose set-point the link can read from `handed_ns` on."""
         self._waiting.append(Handed(record, seen, handed_ns))
 
     def settled(self, status: LinkStatus | None, patience: int = PATIENCE_TICKS) -> list[Handed]:
-        """Return, in order, the ticks that need not wait any more, with what the link made of each.
+        """Return, in order, the ticks that need not wait any longer, each with the link's answer.
 
         Args:
-            status: what the link did last; None where it says nothing.
-            patience: how many ticks may go on waiting; 0 ends all waiting.
+            status: the link's newest status; None without one.
+            patience: how many ticks may keep waiting; 0 ends all waiting.
         """
         done: list[Handed] = []
         acted = status.acted if status else None
@@ -63,10 +63,10 @@ class Trace:
 
 
 def _answered(tick: Handed, status: LinkStatus | None) -> StepRecord:
-    """Return a tick's record with what the link last sent for it, and why; as it is where that is not known.
+    """Return a tick's record with what the link last sent for it, and why; unchanged if unknown.
 
-    A set-point that a newer one replaced before the link's slot was never sent. One that a stop forestalled
-    was answered by the stop.
+    A set-point replaced by a newer one before the link's slot was never sent. One preempted by a stop was
+    answered by the stop.
     """
     record, acted = tick.record, status.acted if status else None
     if status is None:

@@ -1,4 +1,4 @@
-"""Set-points and status as bytes, for the shared memory between the tracker and the link."""
+"""Serialises set-points and status for the shared memory between tracker and link."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def unpack_setpoint(message: bytes) -> Setpoint:
 
 
 def pack_status(status: LinkStatus) -> bytes:
-    """Encode a status; its texts are cut so that it always fits."""
+    """Encode a status; its texts are truncated so that it always fits."""
     state = dataclasses.replace(
         status.state, stopped=status.state.stopped[:_LONGEST_TEXT], mode=status.state.mode[:64]
     )

@@ -1,4 +1,4 @@
-"""Plain box files: what trackers and data sets write, as one box a tick.
+"""Reads plain box files of trackers and data sets: one box per tick.
 
 | a line                               | written by                                                 |
 |--------------------------------------|------------------------------------------------------------|

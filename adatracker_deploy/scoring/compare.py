@@ -1,4 +1,4 @@
-"""Two sets of trials side by side: differences with intervals, exact tests, and what they say in words.
+"""Compares two sets of trials: differences with intervals, exact tests, and conclusions in words.
 
 Where every trial of one set has its partner in the other (the same rehearsal, or the same turn if it was
 planned so), differences are taken pair by pair, which takes the ease of the course out of them.

@@ -1,4 +1,4 @@
-"""Trials as CSV, a line each, for spreadsheets and for whoever plots them."""
+"""Trials as CSV, one line each, for spreadsheets and plots."""
 
 from __future__ import annotations
 

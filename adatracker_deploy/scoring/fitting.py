@@ -1,4 +1,4 @@
-"""A table that never cuts a number: a narrow terminal leaves whole columns out, and that is said."""
+"""A table that never truncates a number: in a narrow terminal it omits whole columns and says so."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which trials there are, a row each: from what lies beside a log where that is enough, else from it."""
+"""Index of trials, one row each: from the files beside a log if they suffice, else from the log."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What can be scored, and where: trials, plain box files, and folders of either."""
+"""Finds what can be scored: trials, plain box files, and folders of either."""
 
 from __future__ import annotations
 

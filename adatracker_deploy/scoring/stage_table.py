@@ -1,4 +1,4 @@
-"""Where the time from the sensor to the wire went, as a table in a terminal."""
+"""The latency from sensor to robot by stage, as a table in a terminal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the time from the sensor to the wire went, stage by stage, as percentiles over a trial. Pure."""
+"""The latency from sensor to robot by stage, as percentiles over a trial. Pure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a log, a file of boxes, and a set of trials came to: the JSON that runs and `score` print."""
+"""Summaries of a log, a box file or a set of trials: the JSON that runs and `score` print."""
 
 from __future__ import annotations
 

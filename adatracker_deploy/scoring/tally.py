@@ -1,4 +1,4 @@
-"""One trial, summed up tick by tick: while it runs, and from its log, with the same result."""
+"""Accumulates a trial's metrics tick by tick, live or from its log, with the same result."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bodies on the ground: what the world may do to them, their parts, and a differential drive to reuse."""
+"""Ground bodies: their interface to the world, building blocks, and a reusable differential drive."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from adatracker_deploy.platform import Body, CameraMount
 
 
 class GroundBody(Body):
-    """A body that stands on the ground, and so is carried by it and stopped by what stands on it."""
+    """A body on the ground: it follows the terrain and is stopped by obstacles."""
 
     _pose = Pose()
 
     def place(self, pose: Pose) -> None:
-        """Be at `pose` instead of where the last step led; velocity and everything else stay as they are."""
+        """Move the body to `pose`; velocity and all other state stay unchanged."""
         self._pose = pose
 
     @property
     def pose(self) -> Pose:
-        """The body's origin, on the ground."""
+        """Return the pose of the body's origin, on the ground."""
         return self._pose
 
 
 class DelayLine:
-    """Commands on their way to a body: each takes effect `delay_s` later, zero before the first."""
+    """Delays commands by `delay_s`; zero before the first."""
 
     def __init__(self, delay_s: float) -> None:
         self._delay_s = delay_s
@@ -38,12 +38,12 @@ class DelayLine:
         self._pending: deque[tuple[float, Twist]] = deque()
 
     def give(self, command: Twist) -> None:
-        """Send a command on its way now."""
+        """Add a command now."""
         self._pending.append((self._now_s + self._delay_s, command))
 
     def advance(self, dt_s: float) -> Twist:
         """Return the command in effect for the next `dt_s` seconds."""
-        # Half a nanosecond forgives the rounding of summed steps.
+        # Half a nanosecond tolerates the rounding of summed steps.
         while self._pending and self._pending[0][0] <= self._now_s + 0.5e-9:
             self._command = self._pending.popleft()[1]
         self._now_s += dt_s
@@ -51,12 +51,12 @@ class DelayLine:
 
 
 def lag_share(lag_s: float, dt_s: float) -> float:
-    """Return the share of a difference that a first-order lag makes up for in `dt_s`; all without a lag."""
+    """Return the share of a difference that a first-order lag closes in `dt_s`; 1 without a lag."""
     return 1.0 - math.exp(-dt_s / lag_s) if lag_s > 0 else 1.0
 
 
 def along_arc(at: Pose, velocity: Twist, dt_s: float) -> Pose:
-    """Return where `velocity`, in the body frame, leads from `at`: along its arc, and the slope underfoot."""
+    """Return the pose reached from `at` with a body-frame `velocity`, along its arc and the local slope."""
     turn = velocity.yaw_rate * dt_s
     along = at.yaw + turn / 2
     ahead, aside = velocity.vx * dt_s * math.cos(at.pitch), velocity.vy * dt_s * math.cos(at.roll)
@@ -77,7 +77,7 @@ def within(value: float, magnitude: float) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveSettings:
-    """What a differential drive is like."""
+    """Parameters of a differential drive."""
 
     camera: CameraMount = field(default_factory=CameraMount)
     forward_m_s: Annotated[float, Range(0, 30)] = 1.5
@@ -87,14 +87,13 @@ class DriveSettings:
     lag_s: Annotated[float, Range(0, 2)] = 0.0
     """Time constant with which both velocities follow their commands; 0 follows at once."""
     delay_s: Annotated[float, Range(0, 2)] = 0.0
-    """From a command to its first effect."""
+    """Time from a command to its first effect."""
 
 
 class KinematicBody(GroundBody):
     """A differential drive: forward speed and yaw rate follow their commands by a first-order lag.
 
-    Lateral and vertical commands are ignored. A command that is not finite stands for zero, as the gate would
-    have it.
+    Lateral and vertical commands are ignored. A command that is not finite counts as zero, as in the gate.
     """
 
     def __init__(self, settings: DriveSettings) -> None:
@@ -121,12 +120,12 @@ class KinematicBody(GroundBody):
 
     @property
     def camera_pose(self) -> Pose:
-        """Where the mount puts the camera."""
+        """Return the camera's pose on its mount."""
         return self.settings.camera.pose(self._pose)
 
     @property
     def velocity(self) -> Twist:
-        """Forward speed and yaw rate now."""
+        """Return the current forward speed and yaw rate."""
         return self._velocity
 
     def _clip(self, command: Twist) -> Twist:

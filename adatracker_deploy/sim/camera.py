@@ -18,14 +18,14 @@ from adatracker_deploy.sim.stage import GROUND, NOTHING, Stage
 _SUN = np.array([0.42, 0.28, 0.86]) / np.linalg.norm([0.42, 0.28, 0.86])
 """Direction to the sun."""
 _SUN_AT = _SUN * 400.0
-"""Far enough for almost parallel light, near enough for exact rays: shadows are cast from here."""
+"""Origin of the shadow rays: far enough for almost parallel light, near enough for exact rays."""
 _SKIN_M = 0.02
-"""A surface does not shade itself."""
+"""Offset that keeps a surface from shading itself."""
 
 
 @functools.lru_cache(maxsize=32)
 def pixel_rays(fov_rad: float, height: int, width: int) -> NDArray[np.float64]:
-    """Return unit vectors (3, height * width) through the middles of square pixels, row by row from the top.
+    """Return unit vectors (3, height * width) through the centres of square pixels, row by row from the top.
 
     Args:
         fov_rad: horizontal field of view, below pi.
@@ -45,18 +45,18 @@ def pixel_rays(fov_rad: float, height: int, width: int) -> NDArray[np.float64]:
 
 
 class Camera:
-    """Sees a stage; keeps nothing from one image to the next."""
+    """Renders a stage; keeps no state between images."""
 
     def __init__(self, scene: Scene, stage: Stage) -> None:
-        """Look at `stage`, which was put up from `scene`."""
+        """Create a camera for `stage`, which was built from `scene`."""
         self._scene = scene
         self._stage = stage
 
     def mask(self, pose: Pose, fov_rad: float, height: int, width: int) -> ClassMask:
-        """Return the class mask (height, width), the same that `image` returns, at a fraction of its cost."""
+        """Return the class mask (height, width), the same as `image` returns, at a fraction of its cost."""
         rays = _rays(pose, fov_rad, height, width)
         hits = self._stage.solids(rays)
-        # Ground and walls are background: they matter only where they hide something.
+        # Ground and walls are background: they matter only where they occlude something.
         if not self._all_is_before_surfaces(pose):
             self._stage.surfaces(rays, hits, np.flatnonzero(hits.primitive >= 0))
         return self._stage.class_of[hits.primitive].reshape(height, width)
@@ -85,13 +85,14 @@ class Camera:
         return self._stage.class_of[hits.primitive].reshape(height, width), rgb.reshape(height, width, 3)
 
     def _all_is_before_surfaces(self, eye: Pose) -> bool:
-        """Tell whether no ground or wall can hide anything: the eye and all solids are in a level arena."""
+        """Return whether no ground or wall can occlude anything: the camera and all solids are in a level
+        arena."""
         scene = self._scene
         within = abs(eye.x) < scene.half_x_m and abs(eye.y) < scene.half_y_m and eye.z > 0.0
         return within and scene.terrain.is_flat and not scene.surroundings
 
     def _sunlight(self, point: Array, normal: Array) -> Array:
-        """Return the cosine of the sun's incidence, 0 where a solid shades the place, shape (N,)."""
+        """Return the cosine of the sun's incidence, 0 in the shade of a solid, shape (N,)."""
         light: Array = np.maximum(np.einsum("nj,j->n", normal, _SUN), 0.0)
         facing = np.flatnonzero(light)
         ways = (point[facing] - _SUN_AT).T

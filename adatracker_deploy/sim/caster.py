@@ -1,7 +1,7 @@
-"""Ray casting by MuJoCo: the only module that knows the simulator. No dynamics are stepped.
+"""Ray casting with MuJoCo; the only module that uses MuJoCo. No dynamics are stepped.
 
-`mj_multiRay` costs about 10 ns for each ray and geom, also for geoms that it could have passed over. So each
-thing is a small model of its own, and gets only the rays that come near it.
+`mj_multiRay` costs about 10 ns per ray and geom, even for geoms that it could skip. So each object is a small
+model of its own, and gets only the rays that come near it.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ class Primitive:
 
 @dataclass(frozen=True, slots=True)
 class Rays:
-    """Rays from one place, in the scene's frame.
+    """Rays from one origin, in the scene's frame.
 
-    Rays are multiplied by `einsum`, which, unlike BLAS, starts no threads: waiting for each other on busy
-    cores, those made an image five times slower.
+    Rays are multiplied by `einsum`, which, unlike BLAS, starts no threads: on busy cores such threads made an
+    image five times slower.
     """
 
     origin: Array
@@ -54,14 +54,14 @@ class Rays:
 
 
 class Caster:
-    """One or more bodies of primitives that rays are cast against.
+    """One or more bodies, made of primitives, that rays are cast against.
 
     Attributes:
-        rgb: the colour of each primitive in the order they were given, float32 (G, 3).
+        rgb: the colour of each primitive in the given order, float32 (G, 3).
     """
 
     def __init__(self, model: Any) -> None:
-        """Take a compiled model; see `of_bodies` and `of_surroundings`."""
+        """Take a compiled model; see `of_bodies` and `of_surfaces`."""
         import mujoco
 
         self._mujoco = mujoco
@@ -72,7 +72,7 @@ class Caster:
 
     @classmethod
     def of_bodies(cls, bodies: tuple[tuple[Primitive, ...], ...]) -> Caster:
-        """Return a caster of bodies that `place` puts somewhere; at first all are at the origin."""
+        """Return a caster of bodies that `place` can move; at first all are at the origin."""
         return cls(_model_of(bodies))
 
     @classmethod
@@ -87,15 +87,15 @@ class Caster:
         self._mujoco.mj_kinematics(self._model, self._data)
 
     def ball(self) -> tuple[Array, float]:
-        """Return the centre (3,) and the radius, m, of a ball around everything, as it is placed now."""
+        """Return the centre (3,) and the radius, m, of a sphere around everything, as currently placed."""
         centres, radii = self._data.geom_xpos, self._model.geom_rbound[:, None]
         middle = ((centres - radii).min(axis=0) + (centres + radii).max(axis=0)) / 2
         return middle, float((np.linalg.norm(centres - middle, axis=1) + radii[:, 0]).max())
 
     def cast(self, rays: Rays, normal: Array | None = None) -> tuple[NDArray[np.int32], Array]:
-        """Return the primitive (N,) that each ray meets first, -1 for none, and how far away, m.
+        """Return the first primitive that each ray hits (N,), -1 for none, and its distance, m.
 
-        Where `normal`, C-contiguous (N, 3), is given, the unit normals of what is met are written into it.
+        If `normal`, C-contiguous (N, 3), is given, the unit normals of the hits are written into it.
         """
         count = len(rays)
         geom, distance = np.full(count, -1, np.int32), np.full(count, -1.0)

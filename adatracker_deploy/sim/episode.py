@@ -1,4 +1,5 @@
-"""A policy through one episode in lock-step: world, body and policy in this process, no wire and no clock."""
+"""Runs a policy for one episode in lock-step: world, body and policy in this process, without link or
+clock."""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ from adatracker_deploy.sim.world import World
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One step of an episode, after it was made."""
+    """One completed step of an episode."""
 
     command: Twist
     reward: float
@@ -29,7 +30,7 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class EpisodeResult:
-    """A whole episode."""
+    """A complete episode."""
 
     outcome: Literal["completed", "lost"]
     steps: tuple[Step, ...]
@@ -46,7 +47,7 @@ class EpisodeResult:
 
     @property
     def success(self) -> bool:
-        """The horizon was reached."""
+        """Whether the horizon was reached."""
         return self.outcome == "completed"
 
     @property
@@ -74,13 +75,13 @@ def run_episode(
         world: not stepped yet.
         body: reset here, with `seed`.
         policy: reset here, with `seed`.
-        limits: turn actions into velocities; nothing else gates them.
+        limits: turn actions into velocities; there is no other gate.
         steps: the horizon.
-        rate_hz: steps a second; by default the policy's.
-        mask_size: height and width of the masks that the policy is shown, px.
+        rate_hz: step rate, Hz; by default the policy's.
+        mask_size: height and width of the policy's masks, px.
         fov_rad: the camera's horizontal field of view.
-        substeps: steps of the body's dynamics in each.
-        seed: of what is random in body and policy; the world has its own.
+        substeps: steps of the body's dynamics per step.
+        seed: seeds body and policy; the world has its own.
     """
     settings = TaskSettings(
         rate_hz=rate_hz or policy.info.rate_hz,

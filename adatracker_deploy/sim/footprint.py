@@ -1,4 +1,4 @@
-"""Where there is room: solids seen from above as rounded rectangles, and the arena's walls."""
+"""Free space seen from above: solids as rounded rectangles, and the arena's walls."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 Points = NDArray[np.float64]
-"""Places seen from above, shape (M, 2), m."""
+"""Points seen from above, shape (M, 2), m."""
 
 Clearance = Callable[[Points], NDArray[np.float64]]
-"""Distance from each place to the nearest thing that blocks, shape (M,), m; negative inside it."""
+"""Distance from each point to the nearest obstacle, shape (M,), m; negative inside it."""
 
 _ON_EDGE_M = 1e-9
 
 HEADROOM_M = 2.0
-"""A solid that begins higher than this blocks nothing that stands on the ground."""
+"""A solid that begins higher than this blocks nothing on the ground, m."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,28 +36,28 @@ class Solid:
 
 
 class FreeSpace:
-    """A walled rectangle around the origin with solids in it; every distance is exact."""
+    """A walled rectangle around the origin with solids in it; all distances are exact."""
 
     def __init__(
         self, half_x_m: float, half_y_m: float, solids: Sequence[Solid], ground_m: float = 0.0
     ) -> None:
-        """Take the arena's half-widths, what stands in it and the height of its lowest ground."""
+        """Take the arena's half-widths, its solids and the height of its lowest ground."""
         self._half = np.array([half_x_m, half_y_m])
         self._all = _Prisms(solids)
         self._standing = _Prisms([s for s in solids if s.bottom < ground_m + HEADROOM_M])
 
     def clearance(self, points: Points) -> NDArray[np.float64]:
-        """Return the distance from each place to the nearest wall or standing solid (a `Clearance`)."""
+        """Return the distance from each point to the nearest wall or standing solid (a `Clearance`)."""
         walls: NDArray[np.float64] = (self._half - np.abs(points)).min(axis=1)
         things = self._standing.distance(points).min(axis=1, initial=np.inf)
         clear: NDArray[np.float64] = np.minimum(walls, things)
         return clear
 
     def push_out(self, x: float, y: float, radius_m: float) -> tuple[float, float]:
-        """Return the nearest place where a disc touches neither wall nor standing solid.
+        """Return the nearest point where a disc touches neither wall nor standing solid.
 
-        Solids are left one after the other, the deepest first. Where that goes back and forth, in a corner or
-        in a gap that is too narrow for the disc, the place found after eight of them is returned.
+        Penetrations are resolved one by one, the deepest first. If that goes back and forth, in a corner or
+        in a gap too narrow for the disc, the point after eight iterations is returned.
         """
         place = np.array([x, y])
         limit = np.maximum(self._half - radius_m, 0.0)
@@ -71,7 +71,7 @@ class FreeSpace:
         return float(place[0]), float(place[1])
 
     def touches(self, x: float, y: float, z: float, radius_m: float) -> bool:
-        """Tell whether a ball at this place touches a wall or a solid, whatever height the solid is at."""
+        """Return whether a sphere at this point touches a wall or a solid at any height."""
         place = np.array([[x, y]])
         if (np.abs(place[0]) > self._half - radius_m).any():
             return True
@@ -110,7 +110,7 @@ class _Prisms:
         turn = np.array([[cos, -sin], [sin, cos]])
         local = (point - self._centre[index]) @ turn
         over = np.abs(local) - self._half[index]
-        # Inside the rectangle the way out leads through the nearest side, elsewhere straight off its edge.
+        # Inside the rectangle the way out is through the nearest side, elsewhere straight away from its edge.
         way = np.maximum(over, 0.0) if over.max() > _ON_EDGE_M else (over == over.max()).astype(np.float64)
         out: NDArray[np.float64] = turn @ np.copysign(way / np.linalg.norm(way), local)
         return out

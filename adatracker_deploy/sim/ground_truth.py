@@ -1,6 +1,7 @@
-"""What the simulated robot was told and how it moved, in a file that outlives whoever is killed.
+"""Ground-truth recorder: commands that reached the simulated robot, and its true motion, in a crash-proof
+file.
 
-A line a moment: machine time (`time.monotonic_ns`, the same in every process), a word, its values::
+One event per line: machine time (`time.monotonic_ns`, the same in every process), a word, its values::
 
     81516371244106 command 0.812 0.0 0.0 -0.113     velocity that reached the robot: vx vy vz yaw_rate
     81516376032871 speed 0.790                      its true speed over the ground, m/s
@@ -33,14 +34,14 @@ if TYPE_CHECKING:
 
 FILE_NAME = "witness.txt"
 STILL = 1e-3
-"""m/s and rad/s: less than this is no motion command; a CAN frame's smallest is 0.001."""
+"""Smaller values, m/s and rad/s, are not a motion command; a CAN frame's smallest is 0.001."""
 
 
 class GroundTruthRecorder:
-    """Appends what happens to a file; one without a file keeps it to itself.
+    """Appends events to a file; without a file it records nothing.
 
     Args:
-        path: of the file, which is made; None for nowhere.
+        path: the file to create; None for no record.
 
     Raises:
         OSError: it cannot be written.
@@ -51,56 +52,56 @@ class GroundTruthRecorder:
         self._mode: tuple[str, bool] | None = None
 
     def command(self, twist: Twist) -> None:
-        """Note a velocity that has reached the robot."""
+        """Record a velocity command that has reached the robot."""
         self._write(f"command {twist.vx:.4g} {twist.vy:.4g} {twist.vz:.4g} {twist.yaw_rate:.4g}")
 
     def speed(self, speed_m_s: float) -> None:
-        """Note how fast the robot really is, over the ground."""
+        """Record the robot's true ground speed."""
         self._write(f"speed {speed_m_s:.4g}")
 
     def flight(self, up_m_s: float, height_m: float) -> None:
-        """Note how fast the robot really climbs, and how high it is above where it stood."""
+        """Record the robot's true climb rate, and its height above its starting point."""
         self._write(f"flight {up_m_s:.4g} {height_m:.4g}")
 
     def mode(self, name: str, *, armed: bool) -> None:
-        """Note the robot's mode of flight, and whether its motors may turn; only changes are written."""
+        """Record the flight mode and whether the robot is armed; only changes are written."""
         if self._mode != (name, armed):
             self._mode = (name, armed)
             self._write(f"mode {name} {'armed' if armed else 'disarmed'}")
 
     def record_fault(self, name: str) -> None:
-        """Note that the robot suffers a fault from now on."""
+        """Record that a fault now affects the robot."""
         self._write(f"suffers {name}")
 
     def process(self, role: str, pid: int = 0) -> None:
-        """Note which process is the robot, the tracker or the link; 0 for the one that calls."""
+        """Record the process id of the robot, the tracker or the link; 0 for the calling process."""
         self._write(f"process {role} {pid or os.getpid()}")
 
     def phase(self, name: str) -> None:
-        """Note that a trial has entered a phase."""
+        """Record that a trial has entered a phase."""
         self._write(f"phase {name}")
 
     def stood(self, seconds: float) -> None:
-        """Note that the tracker's interpreter has stood still until now."""
+        """Record that the tracker's interpreter was stalled until now."""
         self._write(f"stood {seconds:.4g}")
 
     def fault(self, name: str, *, begins: bool) -> None:
-        """Note that a fault has been injected, or is over."""
+        """Record that a fault has been injected, or is over."""
         self._write(f"{'begin' if begins else 'end'} {name}")
 
     def off(self) -> None:
-        """Note that the robot is at rest and its simulator ends."""
+        """Record that the robot is at rest and its simulator exits."""
         self._write("off")
 
     def close(self) -> None:
-        """Let go of the file; may be called twice."""
+        """Close the file; may be called twice."""
         fd, self._fd = self._fd, None
         if fd is not None:
             os.close(fd)
 
     def _write(self, words: str) -> None:
         if self._fd is not None:
-            with contextlib.suppress(OSError):  # a full disk must not keep a robot from being stepped
+            with contextlib.suppress(OSError):  # a full disk must not stop the simulation
                 os.write(self._fd, f"{time.monotonic_ns()} {words}\n".encode())
 
 
@@ -116,7 +117,7 @@ class Told:
 
     @property
     def moves(self) -> bool:
-        """Whether it asks for motion along the ground or for turning; a drone climbs to hold its height."""
+        """Whether it commands horizontal motion or turning; a drone also climbs to hold its height."""
         return max(abs(self.vx), abs(self.vy), abs(self.yaw_rate)) >= STILL or not math.isfinite(
             self.vx + self.vy + self.vz + self.yaw_rate
         )
@@ -124,7 +125,7 @@ class Told:
 
 @dataclass(frozen=True, slots=True)
 class Flying:
-    """A moment of a flight."""
+    """One sample of a flight."""
 
     t_ns: int
     up_m_s: float
@@ -133,7 +134,7 @@ class Flying:
 
 @dataclass(frozen=True, slots=True)
 class Account:
-    """All that a witness wrote, in the order of time; times are the machine's, ns."""
+    """A parsed ground-truth record, in order of time; times are the machine's, ns."""
 
     commands: tuple[Told, ...] = ()
     speeds: tuple[tuple[int, float], ...] = ()
@@ -141,16 +142,16 @@ class Account:
     faults: tuple[tuple[int, str, bool], ...] = ()
     """(time, name, whether it begins)."""
     off: bool = False
-    """The simulator has ended in order."""
+    """The simulator ended in order."""
     flight: tuple[Flying, ...] = ()
     modes: tuple[tuple[int, str, bool], ...] = ()
-    """(time, mode of flight, whether its motors may turn)."""
+    """(time, flight mode, whether armed)."""
     phases: tuple[tuple[int, str], ...] = ()
-    """(time, phase that begins); of several trials one after the other."""
+    """(time, phase that begins); several trials may follow each other."""
     stood: tuple[tuple[int, float], ...] = ()
-    """(time at which it was over, s for which the tracker's interpreter stood still)."""
+    """(end of a stall of the tracker's interpreter, its duration in s)."""
     suffered: tuple[tuple[int, str], ...] = ()
-    """(time, fault that the robot suffers from then on)."""
+    """(time, fault that affects the robot from then on)."""
     processes: tuple[tuple[str, int], ...] = ()
     """(role, process id)."""
 
@@ -159,24 +160,24 @@ class Account:
         return next((t_ns for t_ns, found, begins in self.faults if begins and found == name), None)
 
     def over_ns(self, name: str) -> int | None:
-        """Return when a fault was first over; None if it never was."""
+        """Return when a fault first ended; None if it never did."""
         return next((t_ns for t_ns, found, begins in self.faults if not begins and found == name), None)
 
     def phase_at(self, t_ns: int) -> str:
-        """Return the phase that a trial was in; empty before the first."""
+        """Return the trial's phase at a time; empty before the first."""
         return next((phase for began_ns, phase in reversed(self.phases) if began_ns <= t_ns), "")
 
     def speed_at(self, t_ns: int) -> float:
-        """Return how fast the robot was when this was last seen, m/s; 0 before the first time."""
+        """Return the robot's last recorded speed, m/s; 0 before the first."""
         return next((speed for seen_ns, speed in reversed(self.speeds) if seen_ns <= t_ns), 0.0)
 
     def process(self, role: str) -> int | None:
-        """Return a part's process id; None when it was not told."""
+        """Return the process id of a role; None if not recorded."""
         return next((pid for found, pid in self.processes if found == role), None)
 
 
 def read_witness(text: str) -> Account:
-    """Read what a witness wrote; a last line that is not whole counts as none."""
+    """Read a ground-truth file; an incomplete last line is ignored."""
     commands: list[Told] = []
     speeds: list[tuple[int, float]] = []
     faults: list[tuple[int, str, bool]] = []

@@ -1,4 +1,4 @@
-"""Where things stand in each scene: every layout keeps its own lap clear, and draws the rest at random."""
+"""Layouts of the scenes: each keeps its own lap clear and places the rest at random."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from adatracker_deploy.sim.scene import Ground, Lap, Rgb, Scene, Thing
 from adatracker_deploy.sim.terrain import Terrain
 
 _LAP_CLEAR_M = 1.5
-"""Room beside a lap: for the person, and for a robot that follows on a chord of the course."""
+"""Free space beside a lap, m: for the person, and for a robot that cuts corners behind it."""
 _GAP_M = 1.6
-"""Room between two things that are placed at random: a person and a robot pass."""
+"""Space between two randomly placed objects, m: enough for a person and a robot to pass."""
 
 _PAINTS: tuple[Rgb, ...] = (
     (0.76, 0.20, 0.16),
@@ -170,7 +170,7 @@ def snow_village(rng: np.random.Generator) -> Scene:
 
 
 def _hills(rng: np.random.Generator) -> Terrain:
-    """Return hills of some 0.7 m over 12 to 25 m: slopes a small robot climbs, at most one in four."""
+    """Return hills of about 0.7 m over 12 to 25 m: slopes that a small robot climbs, at most 1 in 4."""
     half, count = 45.0, 61
     place = np.linspace(-half, half, count)
     x, y = np.meshgrid(place, place)
@@ -187,7 +187,8 @@ def _hills(rng: np.random.Generator) -> Terrain:
 def _spots(
     rng: np.random.Generator, count: int, half_m: float, course: Points, radius_m: float
 ) -> list[tuple[float, float]]:
-    """Return up to `count` random places for things of this radius, clear of the course and of each other."""
+    """Return up to `count` random positions for objects of this radius, clear of the course and of each
+    other."""
     found: list[tuple[float, float]] = []
     for _ in range(40 * count):
         x, y = rng.uniform(-half_m, half_m, 2).tolist()

@@ -1,4 +1,4 @@
-"""What a real segmenter does to class masks: frames that are missing, ragged edges, false blobs, latency."""
+"""Models the errors of a real segmenter: dropped frames, ragged edges, false blobs, latency."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from adatracker_deploy.core.messages import ClassMask, MaskClass
 Probability = Annotated[float, Range(0, 1)]
 NoiseLevel = Literal["none", "field", "hard", "embedded"]
 STEP_HZ = 10.0
-"""Steps a second that rates and times are stated for."""
+"""Step rate, Hz, for which rates and times are stated."""
 
 _PATTERNS = 32
-"""Ragged edges are drawn from so many fixed patterns of displaced pixels: a lookup a frame."""
+"""Number of fixed patterns of displaced pixels from which ragged edges are drawn: one lookup per frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,20 +34,20 @@ class NoiseSettings:
     empty_share: Probability = 0.5
     """Share of dropped runs in which the mask is empty; in the others the last one is repeated."""
     blackouts: Probability = 0.0
-    """Chance a step that the target vanishes from the mask for `blackout` steps: an occlusion."""
+    """Probability per step that the target vanishes from the mask for `blackout` steps: an occlusion."""
     blackout: tuple[int, int] = (10, 25)
-    """Shortest and longest."""
+    """Shortest and longest blackout."""
     ragged_px: Annotated[int, Range(0, 8)] = 0
-    """How far edges are displaced at most."""
+    """Largest displacement of edges, px."""
     blobs: Probability = 0.0
-    """Chance a step that a false blob appears."""
+    """Probability per step that a false blob appears."""
     mean_blob: Annotated[float, Range(1, 100)] = 4.0
     """Mean life of a blob."""
     latency: tuple[int, int] = (0, 0)
-    """Smallest and largest age of a mask; one age is drawn an episode."""
+    """Smallest and largest age of a mask; one age is drawn per episode."""
 
     def at(self, rate_hz: float) -> NoiseSettings:
-        """Return the same noise for masks that come `rate_hz` times a second: as much of it a second."""
+        """Return the same noise, per second, for masks at `rate_hz`."""
         steps = rate_hz / STEP_HZ
 
         def longer(length: int) -> int:
@@ -84,13 +84,13 @@ NOISE: dict[NoiseLevel, NoiseSettings] = {
 }
 """By name. `field` has the 5 % dropped frames of the conditions' definition. `embedded` is what the embedded
 segmenter and the target lock make of PETS09-S2L1 (19 people, 664 s, `benchmarks/perception.py --noise`): of
-the frames with the target 4.2 % are without its box in runs of up to 1 s, 0.39 s long on average; 11 longer
-runs, of 1.3 s to 2.9 s, and one of 15 s; 0.19 false people a frame. Not fitted, as no masks of those frames
-are known: the edges, and what the blobs are."""
+the frames with the target 4.2 % lack its box in runs of up to 1 s, 0.39 s long on average; 11 longer runs of
+1.3 s to 2.9 s and one of 15 s; 0.19 false people per frame. Not fitted, as those frames have no true masks:
+edges and blob classes."""
 
 _BLOB_CLASSES = (MaskClass.BACKGROUND, MaskClass.TARGET, MaskClass.PERSON, MaskClass.OBSTACLE)
 _BLOB_SHARES = (0.3, 0.1, 0.3, 0.3)
-"""Holes, and false pieces of each class; a target lock lets few of its own class through."""
+"""Shares of holes and of false blobs of each class; a target lock lets few of the target's class through."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +103,8 @@ class _Blob:
 
 
 class MaskNoise:
-    """Spoils one episode's masks, one by one; the first, on which a target is locked, is spared."""
+    """Adds noise to one episode's masks, in order; the first, on which the target is locked, is left
+    clean."""
 
     def __init__(self, settings: NoiseSettings, seed: int) -> None:
         self.settings = settings
@@ -122,9 +123,9 @@ class MaskNoise:
         return cls(NOISE[level], seed)
 
     def __call__(self, mask: ClassMask) -> tuple[ClassMask, bool]:
-        """Return what arrives at the step when `mask`, (H, W), was to be seen, and whether a frame was lost.
+        """Return the mask that arrives at the step of `mask`, (H, W), and whether a frame was lost.
 
-        The mask that comes back is not written to again.
+        The returned mask is not written to again.
         """
         self._step += 1
         self._waiting.append(mask)
@@ -139,7 +140,7 @@ class MaskNoise:
     def _dropped(self) -> bool:
         s = self.settings
         if self._step >= self._drop_until and s.dropped:
-            # Runs begin so often that their steps make up the share that is asked for.
+            # Runs begin often enough for their steps to make up the requested share.
             begins = s.dropped / (s.mean_drop * (1.0 - s.dropped) + s.dropped)
             if self._rng.random() < begins:
                 self._drop_until = self._step + int(self._rng.geometric(1.0 / s.mean_drop))
@@ -194,7 +195,7 @@ class MaskNoise:
 def _ragged(height: int, width: int, reach_px: int) -> NDArray[np.intp]:
     """Return, per pattern and pixel, the index of the pixel to take its class from: (P, H, W), read-only.
 
-    Displacements are smooth over some four pixels, so that an edge is torn and not sprinkled.
+    Displacements are smooth over about four pixels, so that edges are ragged, not speckled.
     """
     rng = np.random.default_rng(0)
     rows, columns = np.mgrid[:height, :width]

@@ -1,4 +1,4 @@
-"""Colours of what a ray meets: sunlight, painted ground, windows, haze and sky. Pure."""
+"""Colours of ray hits: sunlight, painted ground, windows, haze and sky. Pure."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from adatracker_deploy.sim.scene import Ground, Scene
 Array = NDArray[np.float64]
 
 _HAZE_M = 140.0
-"""Distance at which a colour has given way to haze by 1 - 1/e."""
+"""Distance at which haze makes up 1 - 1/e of a colour, m."""
 _WINDOW = np.array([0.22, 0.29, 0.36])
 _LANE_HALF_WIDTH_M = 0.08
 _LINE_FADES_M = 40.0
@@ -20,7 +20,7 @@ _LINE_FADES_M = 40.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Surfaces:
-    """The places that N rays met; lengths in m, in the scene's frame."""
+    """The hits of N rays; lengths in m, in the scene's frame."""
 
     point: Array
     """(N, 3)."""
@@ -37,11 +37,11 @@ class Surfaces:
 
 
 def paint(scene: Scene, rise: Array, seen: NDArray[np.intp], surfaces: Surfaces) -> NDArray[np.uint8]:
-    """Return the colours uint8 (M, 3) of M unit rays, of which the N with indices `seen` met `surfaces`.
+    """Return the colours uint8 (M, 3) of M unit rays, of which the N with indices `seen` hit `surfaces`.
 
     `rise` is the upward component of each ray, (M,).
 
-    Lambert's cosine law for the sun, plus a sky that lights what faces upwards a little more.
+    Lambert's cosine law for the sun, plus sky light that is slightly stronger on surfaces facing up.
     """
     haze, sky = np.array(scene.haze_rgb), np.array(scene.sky_rgb)
     height = np.sqrt(np.clip(rise, 0.0, 1.0))[:, None]
@@ -59,7 +59,7 @@ def paint(scene: Scene, rise: Array, seen: NDArray[np.intp], surfaces: Surfaces)
 
 
 def _ground(ground: Ground, point: Array, distance: Array) -> Array:
-    """Mix the ground's two colours; squares fade to their mean where they get smaller than pixels."""
+    """Mix the ground's two colours; squares fade to their mean where they are smaller than pixels."""
     first, second = np.array(ground.rgb), np.array(ground.other_rgb)
     x, y = point[:, 0], point[:, 1]
     if ground.pattern == "lanes":
@@ -70,7 +70,7 @@ def _ground(ground: Ground, point: Array, distance: Array) -> Array:
     if ground.pattern == "checker":
         share = (column + row) % 2.0
     else:
-        # A hash that is good enough to look irregular: the fraction of a large sine.
+        # A hash good enough to look irregular: the fraction of a large sine.
         share = np.sin(column * 12.9898 + row * 78.233) * 43758.5453 % 1.0
     sharp = np.exp(-distance / (16.0 * ground.period_m))
     return _mix(first, second, 0.5 + (share - 0.5) * sharp)

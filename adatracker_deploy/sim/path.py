@@ -1,10 +1,10 @@
-"""How people walk: an S-shaped course as in the paper's field trials, or at random as in its simulation.
+"""How people walk: an S-shaped course as in the paper's field trials, or random walks as in its simulation.
 
-Two wanderers make it harder: one turns round again and again, another gets into the line of sight.
+Two random walkers are harder: one makes U-turns, another crosses the line of sight.
 
-A walker knows where it is and steps on; the room it has is a `Clearance` that the caller gives with each
-step, so that a robot or another person can stand in the way. No walker ever steps to a place that has less
-room than `BERTH_M`, unless that gets it out of a narrower one.
+A walker knows its position and takes steps; the caller gives its `Clearance` at each step, so that a robot or
+another person can be in the way. A walker never steps to a point with less clearance than `BERTH_M`, except
+out of a narrower one.
 """
 
 from __future__ import annotations
@@ -22,28 +22,28 @@ from adatracker_deploy.sim.scene import Lap
 PathName = Literal["s_path", "random_walk", "u_turns", "still"]
 
 BERTH_M = 0.6
-"""From the middle of a person to whatever it walks past."""
+"""Smallest distance from a person's centre to anything, m."""
 
 TURN_RATE_RAD_S = math.radians(120.0)
-"""How fast a wandering person turns."""
+"""Turn rate of a person on a random walk."""
 
 
 class Walker(Protocol):
-    """Somebody on foot, seen from above; m and rad in the scene's frame."""
+    """A pedestrian seen from above; m and rad in the scene's frame."""
 
     x: float
     y: float
     heading: float
 
     def step(self, dt_s: float, clearance: Clearance) -> None:
-        """Walk on for `dt_s` seconds where there is room."""
+        """Walk for `dt_s` seconds where there is room."""
 
 
 class Still:
-    """Stands."""
+    """A walker that stands still."""
 
     def __init__(self, x: float, y: float, heading: float) -> None:
-        """Stand there for ever."""
+        """Stand at a point."""
         self.x, self.y, self.heading = x, y, heading
 
     def step(self, dt_s: float, clearance: Clearance) -> None:
@@ -51,15 +51,15 @@ class Still:
 
 
 class SPath:
-    """Follows a closed course at constant speed, for ever; waits while somebody stands in the way."""
+    """Follows a closed course at constant speed; waits while blocked."""
 
     def __init__(self, course: Points, speed_m_s: float, start_m: float) -> None:
-        """Take a course as `lap_course` gives it, and start `start_m` along it."""
+        """Take a course from `lap_course`, and start `start_m` along it."""
         closed = np.vstack([course, course[:1]])
         steps = np.diff(closed, axis=0)
         self._along = np.concatenate([[0.0], np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))])
         self._x, self._y = closed.T.copy()
-        # The middle of a chord has the chord's direction; unwrapped, so that it can be interpolated.
+        # The midpoint of a chord has the chord's direction; unwrapped for interpolation.
         self._middle = (self._along[1:] + self._along[:-1]) / 2
         self._direction = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
         self._turn = round((self._direction[-1] - self._direction[0]) / math.tau) * math.tau
@@ -74,7 +74,7 @@ class SPath:
         return float(self._along[-1])
 
     def step(self, dt_s: float, clearance: Clearance) -> None:
-        """Walk on along the course."""
+        """Walk along the course."""
         s = (self._s + self._speed * dt_s) % self.length_m
         x, y = self._place(s)
         if not _has_room(clearance, (self.x, self.y), (x, y)):
@@ -94,23 +94,23 @@ class SPath:
 
 
 class RandomWalk:
-    """Walks to one random goal after the other, turning no faster than `TURN_RATE_RAD_S`.
+    """Walks to successive random goals, turning no faster than `TURN_RATE_RAD_S`.
 
-    It keeps its speed while it turns, as the paper's simulated people do, and stops to turn on the spot only
-    where the arc has no room.
+    It keeps its speed while turning, as the paper's simulated people do, and turns on the spot only where
+    there is no room for the arc.
     """
 
     def __init__(
         self, x: float, y: float, heading: float, *, speed_m_s: float, rng: np.random.Generator
     ) -> None:
-        """Stand there, without a goal yet."""
+        """Start at a point, without a goal."""
         self.x, self.y, self.heading = x, y, heading
         self._speed = speed_m_s
         self._rng = rng
         self._goal: tuple[float, float] | None = None
 
     def step(self, dt_s: float, clearance: Clearance) -> None:
-        """Turn towards the goal and walk on."""
+        """Turn towards the goal and walk."""
         if self._goal is None or math.dist(self._goal, (self.x, self.y)) < max(0.5, self._speed * dt_s):
             self._goal = self._new_goal(clearance)
         if self._goal is None:
@@ -130,14 +130,14 @@ class RandomWalk:
     def _new_goal(
         self, clearance: Clearance, ahead_rad: float = 0.0, spread_rad: float = math.pi
     ) -> tuple[float, float] | None:
-        """Return the first of 24 random places 3 to 10 m away that a straight walk reaches, if any.
+        """Return the first of 24 random points 3 to 10 m away with a free straight path, if any.
 
-        Where none is free, the one that is free for longest will do, up to where its way is blocked.
+        If none is free, return the furthest free point on the longest free path.
 
         Args:
-            clearance: where there is room.
-            ahead_rad: the middle of the directions in which goals are looked for.
-            spread_rad: how far from it they may be.
+            clearance: the free space.
+            ahead_rad: the centre of the search directions.
+            spread_rad: largest deviation from it.
         """
         here = np.array([self.x, self.y])
         bearing = ahead_rad + self._rng.uniform(-spread_rad, spread_rad, 24)
@@ -155,29 +155,29 @@ class RandomWalk:
 
 
 class UTurnWalk(RandomWalk):
-    """Walks at random, and every few seconds turns round and walks back past whoever follows."""
+    """A random walk with a U-turn every few seconds, back past the follower."""
 
     _MEAN_S = 7.0
     _SPREAD_RAD = math.radians(25.0)
 
     def step(self, dt_s: float, clearance: Clearance) -> None:
-        """Turn round, now and then, then walk on."""
+        """Turn round at times, then walk."""
         if self._rng.random() < dt_s / self._MEAN_S:
             self._goal = self._new_goal(clearance, self.heading + math.pi, self._SPREAD_RAD)
         super().step(dt_s, clearance)
 
 
 class Crosser(RandomWalk):
-    """Walks at random until the mood takes it to get into somebody's line of sight for a while."""
+    """A random walk that at times enters somebody's line of sight for a while."""
 
     _MEAN_S = 6.0
-    """Between two such moods."""
+    """Mean time between two crossings."""
     _MOOD_S = (2.0, 7.0)
 
     _left_s = 0.0
 
     def meet(self, eye: tuple[float, float], target: tuple[float, float], dt_s: float) -> None:
-        """Make for the middle between an eye and what it looks at, while the mood lasts."""
+        """While crossing, head for the midpoint between a camera and its target."""
         self._left_s -= dt_s
         if self._left_s <= 0.0 and self._rng.random() < dt_s / self._MEAN_S:
             self._left_s = float(self._rng.uniform(*self._MOOD_S))

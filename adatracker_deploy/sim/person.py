@@ -1,8 +1,8 @@
-"""A person on foot: limbs as capsules and ellipsoids, swung by the distance walked.
+"""A walking person: limbs as capsules and ellipsoids, swung by the distance walked.
 
 Segment lengths are fractions of body height after Drillis and Contini (1966), as printed in D. A. Winter,
-"Biomechanics and Motor Control of Human Movement". The gait is a plausible picture of walking, not a model of
-it: thighs swing as a sine, a knee bends while its leg swings forward, arms swing against the legs.
+"Biomechanics and Motor Control of Human Movement". The gait looks plausible but is not a biomechanical model:
+thighs swing as a sine, a knee bends while its leg swings forward, arms swing against the legs.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _THIGH = 0.245 * HEIGHT_M
 _SHANK = 0.246 * HEIGHT_M
 _ANKLE = 0.039 * HEIGHT_M
 _HIP = _THIGH + _SHANK + _ANKLE
-_SHOULDER = 0.818 * HEIGHT_M - 0.04  # the middle of a rounded shoulder
+_SHOULDER = 0.818 * HEIGHT_M - 0.04  # the centre of a rounded shoulder
 _UPPER_ARM = 0.186 * HEIGHT_M
 _FOREARM = 0.20 * HEIGHT_M
 _HIP_HALF_WIDTH = 0.095
@@ -32,7 +32,7 @@ Role = Literal["skin", "hair", "shirt", "trousers", "shoes"]
 
 @dataclass(frozen=True, slots=True)
 class Limb:
-    """One primitive of a person and what colours it."""
+    """One primitive of a person, and its colour."""
 
     shape: Literal["capsule", "ellipsoid"]
     half: tuple[float, float, float]
@@ -60,17 +60,17 @@ LIMBS: tuple[Limb, ...] = tuple(limb for limb, _ in _TRUNK) + _SIDE + _SIDE
 
 @dataclass(slots=True)
 class Gait:
-    """How far into a step a person is."""
+    """A person's gait phase."""
 
     phase_rad: float = 0.0
     """0 to 2 pi over two steps."""
     speed_m_s: float = 0.0
-    """Smoothed; the swing grows with it and ends at rest."""
+    """Smoothed speed; the swing grows with it and is zero at rest."""
 
     def walk(self, distance_m: float, dt_s: float) -> None:
-        """Walk on: `distance_m` in `dt_s` > 0 seconds.
+        """Advance by `distance_m` in `dt_s` > 0 seconds.
 
-        Two steps cover 1.4 m at 1 m/s, longer ones at speed.
+        Two steps cover 1.4 m at 1 m/s, and more at higher speed.
         """
         speed = distance_m / dt_s
         self.speed_m_s += (speed - self.speed_m_s) * (1.0 - math.exp(-dt_s / 0.2))
@@ -111,7 +111,7 @@ def _leg(phase: float, swing: float, bend: float) -> tuple[float, float]:
 
 
 def _hang(joint: Point, angle: float, length: float) -> tuple[Point, Point]:
-    """Return the far end and the middle of a limb that hangs from `joint` at an angle from straight down."""
+    """Return the free end and the centre of a limb that hangs from `joint` at an angle from straight down."""
     x, y, z = joint
     along, down = length * math.sin(angle), length * math.cos(angle)
     return (x + along, y, z - down), (x + along / 2, y, z - down / 2)

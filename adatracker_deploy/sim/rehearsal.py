@@ -1,8 +1,8 @@
-"""A world with one ground robot in it, at the simulator of that robot's wire.
+"""The world of a ground robot's simulator: one robot, people and obstacles.
 
-`Rehearsal` is the robot's half: the wire's thread drives the body, which obstacles and walls block as real
-ones would. `Studio` is the camera's half: the people, and the pictures. `film` draws in a process of its own,
-because on a busy machine the wire's few milliseconds would otherwise wait behind the drawing.
+`Rehearsal` is the robot's half: the protocol thread drives the body, which obstacles and walls block.
+`Studio` is the camera's half: the people and the images. `film` renders in its own process, because on a busy
+machine rendering would otherwise delay the protocol thread, which has only milliseconds.
 """
 
 from __future__ import annotations
@@ -31,27 +31,27 @@ if TYPE_CHECKING:
     from adatracker_deploy.sim.bodies import GroundBody
 
 BODY_RADIUS_M = 0.3
-"""How near an obstacle counts as a collision, and is kept off."""
+"""Radius within which an obstacle counts as a collision and blocks the body."""
 LOOK_S = 0.05
-"""How often somebody who waits for a picture looks whether the film has ended."""
+"""Interval at which a thread waiting for an image checks whether rendering has ended."""
 RGB_SHARE = 2
-"""Colours, which only people look at, are cast at half the resolution: a third of the time, so that
-a rehearsal at five times real time keeps up."""
+"""Colours, which only people look at, are rendered at half the resolution in a third of the time, so that a
+rehearsal at five times real time keeps up."""
 
 
 def take_frame(
     world: World, robot: Pose, camera: Pose, fov_rad: float, size: tuple[int, int], *, t_ns: int, seq: int
 ) -> Frame:
-    """Return the frame, with its truth, that a camera at `camera` of a robot at `robot` takes.
+    """Render the frame, with ground truth, of a camera at `camera` on a robot at `robot`.
 
     Args:
-        world: with everybody where they are now.
+        world: in its current state.
         robot: the pose of the robot's origin, in the world.
         camera: the pose of its camera, x along the optical axis.
         fov_rad: horizontal field of view.
         size: width and height of the image, px, both even.
         t_ns: the frame's capture time.
-        seq: its number.
+        seq: its sequence number.
     """
     width, height = size
     mask = world.render_mask(camera, fov_rad, height, width)
@@ -61,17 +61,17 @@ def take_frame(
 
 
 class View(NamedTuple):
-    """One moment, as far as a camera has to know it; poses are in the world."""
+    """What a camera needs to know of one moment; poses are in the world frame."""
 
     t_ns: int
     robot: Pose
     camera: Pose
     going: bool
-    """The people walk; they stand still until then."""
+    """Whether the people walk; before that they stand still."""
 
 
 class Studio:
-    """The people of a world, and whoever takes pictures of them.
+    """The people of a world and the camera.
 
     Args:
         scenario: which world.
@@ -87,7 +87,7 @@ class Studio:
         self._seq = 0
 
     def take(self, view: View) -> Frame:
-        """Let the people walk until the view's time and take a frame."""
+        """Let the people walk until the view's time, and render a frame."""
         if view.going:
             last_ns = view.t_ns if self._last_ns is None else self._last_ns
             self._world.step((view.t_ns - last_ns) / 1e9, view.robot)
@@ -99,7 +99,7 @@ class Studio:
 
 
 class Rehearsal:
-    """The robot's place in the world.
+    """The robot in the world.
 
     Args:
         scenario: which world.
@@ -121,17 +121,17 @@ class Rehearsal:
         body.reset(self._world.start, scenario.seed)
 
     def step(self, command: Twist, dt_s: float) -> None:
-        """Let the body follow `command` for `dt_s`; from the wire's thread."""
+        """Step the body under `command` for `dt_s`; called from the protocol thread."""
         with self._moving:
             self._body.step(command, dt_s)
             self._body.place(self._world.grounded(self._body.pose, BODY_RADIUS_M))
 
     def go(self) -> None:
-        """Let the people walk from the next frame on; they stand still until then."""
+        """Start the people walking with the next frame."""
         self._going = True
 
     def view(self, now_ns: int) -> View:
-        """Return what the camera has to know of this moment; from the camera's thread."""
+        """Return the current view for the camera; called from the camera's thread."""
         with self._moving:
             return View(now_ns, self._body.pose, self._body.camera_pose, self._going)
 
@@ -143,7 +143,8 @@ def film(
     publish: Callable[[Frame], None],
     ended: threading.Event,
 ) -> threading.Thread:
-    """Start a thread that has frames drawn at `rate_hz` and hands them to `publish` until `ended` is set."""
+    """Start a thread that has frames rendered at `rate_hz` and passes them to `publish` until `ended` is
+    set."""
 
     def run() -> None:
         context = multiprocessing.get_context("spawn")
@@ -154,7 +155,7 @@ def film(
         drawing.start()
         there.close()
         pacer = Pacer(clock, rate_hz)
-        with here, contextlib.suppress(EOFError, ConnectionError):  # a camera that is gone shows nothing
+        with here, contextlib.suppress(EOFError, ConnectionError):  # a failed camera shows nothing
             while not ended.is_set():
                 here.send(rehearsal.view(pacer.wait().t_ns))
                 while not here.poll(LOOK_S):
@@ -171,8 +172,8 @@ def film(
 
 
 def _draw(pipe: Connection, scenario: Scenario, fov_rad: float, size: tuple[int, int]) -> None:
-    """Answer each view with its frame until the other end has closed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever films is told, and closes the pipe
+    """Answer each view with its frame until the other end closes."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the requesting thread notices, and closes the pipe
     studio = Studio(scenario, fov_rad, size)
     with contextlib.suppress(EOFError, ConnectionError):
         while True:

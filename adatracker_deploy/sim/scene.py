@@ -1,4 +1,4 @@
-"""What a scene is made of: things of simple parts, ground, walls, sky, and the lap an S-path follows."""
+"""Data types of a scene: objects made of primitives, ground, walls, sky, and the lap of an S-path."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Part:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Thing:
-    """A solid object on the ground; one body in the simulator."""
+    """A solid object on the ground; one MuJoCo body."""
 
     x: float
     y: float
@@ -38,12 +38,12 @@ class Thing:
     parts: tuple[Part, ...]
 
     def solids(self, base_m: float) -> Iterator[Solid]:
-        """Yield what its parts block, its base being at height `base_m`."""
+        """Yield the solids of its parts, with its base at height `base_m`."""
         cos, sin = math.cos(self.yaw), math.sin(self.yaw)
         for part in self.parts:
             across, along, tall = part.half
             px, py, pz = part.at
-            # An ellipse is taken for the stadium around it, which for a circle is the circle.
+            # An ellipse is approximated by the stadium around it; for a circle that is exact.
             radius = 0.0 if part.shape == "box" else min(across, along)
             yield Solid(
                 x=self.x + cos * px - sin * py,
@@ -78,12 +78,12 @@ class Lap:
     weave_m: float = 1.0
     """Amplitude of the sine."""
     waves: int
-    """How many whole S a lap has."""
+    """Number of whole S curves in a lap."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scene:
-    """One place to follow somebody in. The arena is a rectangle around the origin that nobody leaves."""
+    """A scene. Its arena is a rectangle around the origin that nobody leaves."""
 
     name: str
     half_x_m: float
@@ -93,22 +93,22 @@ class Scene:
     things: tuple[Thing, ...]
     """Obstacles in the arena."""
     surroundings: tuple[Thing, ...] = ()
-    """What stands along or beyond the arena's edge, there also in an episode without obstacles."""
+    """Objects along or beyond the arena's edge, present even in an episode without obstacles."""
     terrain: Terrain = FLAT
     wall_height_m: float = 0.0
-    """0 where the arena's edge is not to be seen."""
+    """0 if the arena's edge is invisible."""
     wall_rgb: Rgb = (0.75, 0.73, 0.68)
     sky_rgb: Rgb = (0.36, 0.55, 0.85)
     haze_rgb: Rgb = (0.80, 0.86, 0.92)
     margin_m: float = 2.5
-    """How far people keep from the arena's edge."""
+    """Distance that people keep from the arena's edge."""
 
     def everything(self, *, obstacles: bool) -> tuple[Thing, ...]:
-        """Return what stands in and around the arena."""
+        """Return all objects in and around the arena."""
         return (self.things if obstacles else ()) + self.surroundings
 
     def free_space(self, *, obstacles: bool, inset_m: float = 0.0) -> FreeSpace:
-        """Return the room that is left, in an arena made `inset_m` smaller on each side."""
+        """Return the free space of the arena, made `inset_m` smaller on each side."""
         solids = [
             solid
             for thing in self.everything(obstacles=obstacles)

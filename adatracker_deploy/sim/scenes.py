@@ -33,12 +33,12 @@ def scene_names() -> list[str]:
 
 
 def describe_scenes() -> dict[str, str]:
-    """Return one line for each scene's name."""
+    """Return a one-line description of each scene, by name."""
     return {name: entry.description for name, entry in _SCENES.items()}
 
 
 def build_scene(name: str, rng: np.random.Generator) -> Scene:
-    """Lay a scene out; what is random in it is drawn from `rng`.
+    """Build a scene; `rng` draws what is random in it.
 
     Raises:
         UsageError: no scene has this name.

@@ -1,4 +1,4 @@
-"""A scene with its people, as rays see it: what they meet, of what class and of what colour it is."""
+"""A scene with its people for ray casting: the class and the colour of what each ray hits."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from adatracker_deploy.sim.person import LIMBS, Gait, Role, posture
 from adatracker_deploy.sim.scene import Rgb, Scene, Thing
 
 NOTHING = -1
-"""Primitive index of a ray that meets nothing."""
+"""Primitive index of a ray that hits nothing."""
 GROUND = 0
 """Primitive index of the ground."""
 
@@ -35,18 +35,18 @@ _CLOTHES: tuple[tuple[Rgb, Rgb], ...] = (
 
 @dataclass(frozen=True, slots=True)
 class Hits:
-    """What N rays met."""
+    """The hits of N rays."""
 
     primitive: NDArray[np.int32]
-    """Index into the stage's tables, `NOTHING` where nothing was met, (N,)."""
+    """Index into the stage's tables, `NOTHING` without a hit, (N,)."""
     distance: Array
-    """m, infinite where nothing was met, (N,)."""
+    """m, infinite without a hit, (N,)."""
     normal: Array | None
-    """Unit normals (N, 3), where they were asked for."""
+    """Unit normals (N, 3), if requested."""
 
 
 class Stage:
-    """Ground and walls, things, and people that walk.
+    """Ground, walls, objects and walking people.
 
     Attributes:
         class_of: `MaskClass` of each primitive, uint8 (P + 1,); the last, at `NOTHING`, is background.
@@ -55,7 +55,7 @@ class Stage:
     """
 
     def __init__(self, scene: Scene, *, obstacles: bool, people: int) -> None:
-        """Put up `scene` with this many people, the first of whom is the target, all at the origin.
+        """Build `scene` with this many people, the first of whom is the target, all at the origin.
 
         Raises:
             ImportError: MuJoCo is not installed.
@@ -68,7 +68,7 @@ class Stage:
         self._ball_centres = np.array([centre for centre, _ in balls])
         self._ball_radii = np.array([radius for _, radius in balls])
 
-        # A caster is one thing, so its primitives are of one class, however MuJoCo numbers them inside.
+        # A caster is one object, so its primitives are of one class, however MuJoCo numbers them.
         classes = [MaskClass.TARGET, *[MaskClass.PERSON] * (people - 1)] + [MaskClass.OBSTACLE] * len(things)
         counts = [len(caster.rgb) for caster in (self._surfaces, *self._solids)]
         self._first = np.cumsum(counts).tolist()
@@ -82,7 +82,7 @@ class Stage:
         self.windows_of[len(self.windows_of) - 1 - len(painted) : -1] = painted
 
     def move_person(self, index: int, foot: tuple[float, float, float], heading: float, gait: Gait) -> None:
-        """Put a person's feet on a place of the scene, turned to `heading` (rad)."""
+        """Place a person's feet at a point of the scene, facing `heading` (rad)."""
         centres, pitches = posture(gait)
         cos, sin = math.cos(heading), math.sin(heading)
         turned = centres @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
@@ -95,7 +95,7 @@ class Stage:
         self._ball_centres[index], self._ball_radii[index] = person.ball()
 
     def solids(self, rays: Rays, *, normals: bool = False) -> Hits:
-        """Return what the rays meet of things and people; ground and walls are left out."""
+        """Return the hits on objects and people; ground and walls are left out."""
         count = len(rays)
         hits = Hits(
             np.full(count, NOTHING, np.int32),
@@ -109,12 +109,12 @@ class Stage:
         return hits
 
     def surfaces(self, rays: Rays, hits: Hits, chosen: NDArray[np.intp]) -> None:
-        """Let ground and walls hide what is behind them along the `chosen` rays; changes `hits`."""
+        """Let ground and walls occlude what is behind them along the `chosen` rays; changes `hits`."""
         self._merge(hits, self._surfaces, GROUND, rays, chosen)
 
     @staticmethod
     def _merge(hits: Hits, caster: Caster, first: int, rays: Rays, chosen: NDArray[np.intp]) -> None:
-        """Take what `caster` shows along the `chosen` rays into `hits`, where it is nearer."""
+        """Merge the hits of `caster` along the `chosen` rays into `hits`, where they are nearer."""
         normal = None if hits.normal is None else np.zeros((len(chosen), 3))
         primitive, distance = caster.cast(rays.only(chosen), normal)
         nearer = (primitive >= 0) & (distance < hits.distance[chosen])
@@ -125,10 +125,10 @@ class Stage:
             hits.normal[where] = normal[nearer]
 
     def _near(self, rays: Rays) -> Iterator[tuple[int, NDArray[np.bool_]]]:
-        """Yield each solid that some ray may meet, and which of the N rays that are; true when in doubt.
+        """Yield each solid that some ray may hit, and which of the N rays those are; true when in doubt.
 
-        Each is inside a ball; a ray can meet it only within the cone around that ball. Solids whose cone is
-        apart from the cone around all rays are passed over at once.
+        Each is inside a bounding sphere; a ray can hit it only within the cone around that sphere. Solids
+        whose cone does not meet the cone around all rays are skipped at once.
         """
         to_ball = self._ball_centres - rays.origin
         distance = np.maximum(np.sqrt(np.einsum("sj,sj->s", to_ball, to_ball)), 1e-9)
@@ -139,7 +139,7 @@ class Stage:
         spread = math.acos(max(-1.0, min(1.0, float(np.einsum("j,jn->n", middle, rays.ways).min()))))
         apart = np.arccos(np.clip(np.einsum("sj,j->s", axes, middle), -1.0, 1.0))
         met = np.flatnonzero((apart <= spread + np.arcsin(sine) + 1e-3) | (sine >= 1.0))
-        # In single precision, hence a little wider; from inside a ball every ray may meet its solid.
+        # In single precision, hence a little wider; from inside a sphere every ray may hit its solid.
         least = np.where(sine < 1.0, np.sqrt(1.0 - sine**2) - 1e-4, -2.0).astype(np.float32)
         cosine = np.einsum("sj,jn->sn", axes[met].astype(np.float32), rays.ways.astype(np.float32))
         return zip(met.tolist(), cosine >= least[met, None], strict=True)

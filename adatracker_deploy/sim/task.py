@@ -1,4 +1,4 @@
-"""The paper's task as an environment: one world, one body, and the rules of an episode."""
+"""The paper's task: one world, one body, and the rules of an episode."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from adatracker_deploy.sim.world import World
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TaskSettings:
-    """How an episode is run; the defaults are the paper's, at the rate of its networks."""
+    """Settings of an episode; the defaults are the paper's, at the rate of its networks."""
 
     rate_hz: float = 10.0
     steps: int = 500
@@ -25,25 +25,25 @@ class TaskSettings:
     fov_rad: float = math.pi / 2
     """Horizontal field of view."""
     substeps: int = 1
-    """Steps of the body's dynamics in one step of the task."""
+    """Steps of the body's dynamics per step of the task."""
     body_radius_m: float = 0.3
-    """For collisions, and for keeping a ground body out of obstacles."""
+    """Radius for collisions, and for keeping a ground body out of obstacles."""
     max_lost_steps: int = MAX_LOST_STEPS
-    """So many lost steps in a row end an episode."""
+    """This many consecutive lost steps end an episode."""
     least_reward: float = -math.inf
-    """No step's reward is less."""
+    """Lower bound of a step's reward."""
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What one step led to."""
+    """Result of one step."""
 
     observation: Observation
-    """What is to be seen after the step."""
+    """The observation after the step."""
     truth: Truth
     reward: float
     visible: bool
-    """Within 90 degrees and 7.5 m, and in the mask."""
+    """The target is within 90 degrees and 7.5 m, and in the mask."""
     end: Literal["", "completed", "lost"]
     """Why the episode ended; empty while it goes on."""
 
@@ -51,12 +51,12 @@ class Outcome:
 class Task:
     """One episode: `begin`, then `step` until it ends.
 
-    After each of its sub-steps a `GroundBody` is kept on the ground and out of obstacles, by its `place`; any
-    other body is free to fly. Obstacles and people that are touched are told by `Truth.collided`.
+    After each sub-step a `GroundBody` is kept on the ground and out of obstacles, by its `place`; any other
+    body is free to fly. `Truth.collided` reports contact with obstacles and people.
     """
 
     def __init__(self, world: World, body: Body, settings: TaskSettings) -> None:
-        """Take a world that nobody has stepped yet."""
+        """Take a world that has not been stepped yet."""
         self.world = world
         self.body = body
         self.settings = settings
@@ -64,13 +64,13 @@ class Task:
         self._lost = 0
 
     def begin(self, seed: int) -> Observation:
-        """Put the body at the world's start and return the first observation."""
+        """Place the body at the world's start; return the first observation."""
         self.body.reset(self.world.start, seed)
         self._count = self._lost = 0
         return self._look()[0]
 
     def step(self, command: Twist) -> Outcome:
-        """Let the body follow `command` (m/s, rad/s) for one period, then everybody walk, then look."""
+        """Step the body under `command` (m/s, rad/s) for one period, then the people, then render."""
         period_s = 1.0 / self.settings.rate_hz
         for _ in range(self.settings.substeps):
             self.body.step(command, period_s / self.settings.substeps)

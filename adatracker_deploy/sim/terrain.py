@@ -1,4 +1,4 @@
-"""The ground's height: flat, or a grid of heights joined by triangles."""
+"""Terrain: flat, or a triangulated grid of heights."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Terrain:
-    """Heights over a square around the origin; beyond it the edge goes on level."""
+    """Heights over a square around the origin; beyond it the edge's height continues."""
 
     half_m: float
     heights: NDArray[np.float64]
@@ -19,12 +19,12 @@ class Terrain:
 
     @property
     def is_flat(self) -> bool:
-        """Tell whether the ground is one level plane at height 0."""
+        """Return whether the ground is one level plane at height 0."""
         return self.heights.size == 1
 
     @property
     def lowest_m(self) -> float:
-        """The height of the lowest place."""
+        """Height of the lowest point."""
         return float(self.heights.min())
 
     def height(self, x: float, y: float) -> float:
@@ -45,7 +45,7 @@ class Terrain:
         return float(low + v * (up - low) + u * (high - up))
 
     def slope(self, x: float, y: float, yaw: float, reach_m: float = 0.3) -> tuple[float, float]:
-        """Return the (roll, pitch) in radians of something of half-length `reach_m` that stands there."""
+        """Return the (roll, pitch) in radians of an object of half-length `reach_m` on the ground there."""
         if self.is_flat:
             return 0.0, 0.0
         dx, dy = reach_m * math.cos(yaw), reach_m * math.sin(yaw)

@@ -1,4 +1,4 @@
-"""Things that stand about, each of a few simple parts; sizes in metres as they are in life."""
+"""Objects of the scenes, each of a few primitives; real-life sizes in metres."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The world: one scene, the people in it, and what a camera, a robot or a referee may ask of it."""
+"""The world: one scene and its people, with rendering, collisions and ground truth."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ from adatracker_deploy.sim.scenes import build_scene, scene_names
 from adatracker_deploy.sim.stage import Stage
 
 PERSON_RADIUS_M = 0.3
-"""Half the width of a person, for collisions and for keeping away from each other."""
+"""Half the width of a person, for collisions and for keeping apart."""
 
 _STRIDE_S = 0.1
-"""People decide where to walk this often at least, however rarely the world is stepped."""
+"""Longest interval between people's decisions where to walk, however rarely the world is stepped."""
 
 
 def check_scene(name: str) -> None:
-    """Tell now, before anything moves, whether a world of this name can be built.
+    """Check, before anything moves, that a world of this name can be built.
 
     Raises:
         UsageError: no scene has this name, or MuJoCo is not installed.
@@ -54,12 +54,12 @@ class World:
 
     Args:
         scene: its name, see `scene_names`.
-        seed: of the layout, the people's ways and where they start.
+        seed: seeds the layout, the people's paths and their starting points.
         target_speed_m_s: how fast everybody walks.
-        path: the target's way; others always walk at random.
-        obstacles: whether things stand in the arena. Its walls and surroundings are always there.
+        path: the target's path; others always walk at random.
+        obstacles: whether the arena has obstacles. Its walls and surroundings are always there.
         others: how many other people walk about.
-        crossing: how many of the others make for the robot's line of sight and linger there.
+        crossing: how many of the others cross the robot's line of sight and linger there.
 
     Attributes:
         start: where a robot starts: on the ground, 2.5 m behind the target, facing it.
@@ -100,12 +100,12 @@ class World:
 
     @property
     def target_xy(self) -> tuple[float, float]:
-        """Where the target stands, m."""
+        """The target's position, m."""
         return self._walkers[0].x, self._walkers[0].y
 
     @property
     def people_xy(self) -> NDArray[np.float64]:
-        """Where everybody stands, the target first, shape (1 + others, 2), m."""
+        """Everybody's position, the target first, shape (1 + others, 2), m."""
         return np.array([(walker.x, walker.y) for walker in self._walkers])
 
     def ground_z(self, x: float, y: float) -> float:
@@ -113,7 +113,7 @@ class World:
         return self.scene.terrain.height(x, y)
 
     def step(self, dt_s: float, robot: Pose | None = None) -> None:
-        """Let everybody walk for `dt_s` >= 0 seconds, clear of a robot at `robot` unless that is overhead."""
+        """Let everybody walk for `dt_s` >= 0 seconds, avoiding a robot at `robot` unless it is overhead."""
         strides = math.ceil(dt_s / _STRIDE_S - 1e-9)
         for _ in range(strides):
             self._stride(dt_s / strides, robot)
@@ -138,7 +138,7 @@ class World:
         return self._camera.mask(camera, fov_rad, height, width)
 
     def collides(self, x: float, y: float, z: float, radius_m: float) -> bool:
-        """Tell whether a ball at this place touches an obstacle, a wall or a person."""
+        """Return whether a sphere at this point touches an obstacle, a wall or a person."""
         if self._space.touches(x, y, z, radius_m):
             return True
         people = self.people_xy
@@ -151,16 +151,16 @@ class World:
         return False
 
     def grounded(self, pose: Pose, radius_m: float) -> Pose:
-        """Return where a ground body that wants to be at `pose` ends up.
+        """Return the pose at which a ground body heading for `pose` ends up.
 
-        A disc of `radius_m` is kept out of obstacles and walls, and stands on the ground with its slope.
+        A disc of `radius_m` is kept out of obstacles and walls, and follows the ground's slope.
         """
         x, y = self._space.push_out(pose.x, pose.y, radius_m)
         roll, pitch = self.scene.terrain.slope(x, y, pose.yaw)
         return Pose(x, y, self.ground_z(x, y), roll, pitch, pose.yaw)
 
     def truth(self, mask: ClassMask, robot: Pose, camera: Pose, radius_m: float) -> Truth:
-        """Return what only a simulator knows of the moment when `mask` was rendered."""
+        """Return the ground truth for the moment at which `mask` was rendered."""
         x, y = self.target_xy
         return Truth(
             mask=mask,
@@ -186,7 +186,7 @@ class World:
             self._stage.move_person(index, foot, walker.heading, gait)
 
     def _room(self, robot: Pose | None, *, skip: int | None) -> Clearance:
-        """Return the clearance of somebody who keeps away from obstacles, the robot and everybody else."""
+        """Return the clearance of a person who avoids obstacles, the robot and everybody else."""
         bodies = [(walker.x, walker.y) for index, walker in enumerate(self._walkers) if index != skip]
         if robot is not None and robot.z < self.ground_z(robot.x, robot.y) + HEIGHT_M:
             bodies.append((robot.x, robot.y))
@@ -214,7 +214,7 @@ class World:
     def _wanderer(
         self, kind: type[RandomWalk], rng: np.random.Generator, speed_m_s: float, room: Clearance
     ) -> RandomWalk:
-        """Return somebody at a random free place, with free ground for a robot behind."""
+        """Return a walker at a random free point, with room for a robot behind."""
         half = np.array([self.scene.half_x_m, self.scene.half_y_m]) - self.scene.margin_m
         behind = np.linspace(0.0, DESIRED_DISTANCE_M, 6)[:, None]
         while True:

@@ -1,4 +1,4 @@
-"""The drone: its adapter, and the simulator that stands in its place in rehearsals."""
+"""The drone's platform class: its adapter, and its simulator for rehearsals."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class DronePlatform(DroneAdapter):
-    """What ``--platform drone`` drives, and what it rehearses with."""
+    """The platform of ``--platform drone``, real or simulated."""
 
     SitlSettings = SitlSettings
 

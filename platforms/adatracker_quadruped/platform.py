@@ -1,4 +1,4 @@
-"""The quadruped: its adapter, and the simulator that stands in its place in rehearsals."""
+"""The quadruped's platform class: its adapter, and its simulator for rehearsals."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class QuadrupedPlatform(QuadrupedAdapter):
-    """What ``--platform quadruped`` drives, and what it rehearses with."""
+    """The platform of ``--platform quadruped``, real or simulated."""
 
     SitlSettings = SitlSettings
 
@@ -26,7 +26,7 @@ class QuadrupedPlatform(QuadrupedAdapter):
 
     @classmethod
     def sitl(cls, profile: Profile) -> Sitl:
-        """Return a simulated robot, its camera with it, in a process of its own; needs the sitl extra."""
+        """Return a simulated robot with its camera, in its own process; needs the sitl extra."""
         from adatracker_quadruped.sim.sitl import QuadrupedSitl
 
         return QuadrupedSitl(profile)

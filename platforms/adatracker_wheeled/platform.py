@@ -1,4 +1,4 @@
-"""The wheeled base: its adapter, and the simulator that stands in its place in rehearsals."""
+"""The wheeled base's platform class: its adapter, and its simulator for rehearsals."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class WheeledPlatform(WheeledAdapter):
-    """What ``--platform wheeled`` drives, and what it rehearses with."""
+    """The platform of ``--platform wheeled``, real or simulated."""
 
     SitlSettings = SitlSettings
 
@@ -26,7 +26,7 @@ class WheeledPlatform(WheeledAdapter):
 
     @classmethod
     def sitl(cls, profile: Profile) -> Sitl:
-        """Return a simulated base behind a socketcand, in a process of its own; needs the sitl extra."""
+        """Return a simulated base behind a socketcand, in its own process; needs the sitl extra."""
         from adatracker_wheeled.sim.sitl import WheeledSitl
 
         return WheeledSitl(profile)

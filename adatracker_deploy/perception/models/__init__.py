@@ -1,6 +1,6 @@
-"""Strong models that a user brings as ONNX files: numpy, OpenCV and onnxruntime, no framework.
+"""User-provided models as ONNX files; needs only numpy, OpenCV and onnxruntime.
 
-`catalogue.open_model` is the way in. A family is one module that turns its graph's outputs into the roles of
-`perception.roles`; files, sidecars, pictures and boxes are each read in one place. No robot, no camera, no
-policy.
+`catalogue.open_model` is the entry point. Each model family is one module that maps its graph's outputs to
+the roles of `perception.roles`; files, sidecars, images and boxes are each handled in one place. No robot, no
+camera, no policy.
 """

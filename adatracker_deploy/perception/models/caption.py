@@ -1,4 +1,4 @@
-"""The caption that GroundingDINO reads, and which of its tokens stand for which word. Pure functions.
+"""GroundingDINO's caption, and which of its tokens belong to which word. Pure functions.
 
 Words are joined as "person . obstacle ."; tokens attend only within their own phrase, which ends with its
 full stop, and are numbered anew in each (`groundingdino/models/GroundingDINO/bertwarper.py`,

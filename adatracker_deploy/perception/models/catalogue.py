@@ -1,4 +1,4 @@
-"""Which adapter a model's file is for."""
+"""Chooses the adapter for a model file."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def open_model(
     """Open a strong model, check it and run it once.
 
     Args:
-        path: MODEL.onnx, with MODEL.yaml beside it where the file cannot speak for itself; or the MODEL.yaml.
+        path: MODEL.onnx, with MODEL.yaml beside it if the file's metadata are not enough; or the MODEL.yaml.
         words: what to look for; none: everything it knows. SAM2 follows a mask, whatever they say.
         providers: where to run it, by preference; None: as the sidecar says, else on the processor.
         threads: for the processor's share of the work.
@@ -76,7 +76,7 @@ def _open_detector(
 
 
 def _read(path: Path, sidecar: Sidecar) -> ModelFile:
-    """Read a model file that has a sidecar; where that pins digests, all that would run must have theirs."""
+    """Read a model file with a sidecar; if that lists digests, every file that would run must match."""
     file = read_model_file(path, external_data=sidecar.external_data)
     for name, digest in file.sha256 if sidecar.sha256 else ():
         pinned = sidecar.sha256.get(name, "none").lower()
@@ -88,7 +88,7 @@ def _read(path: Path, sidecar: Sidecar) -> ModelFile:
 
 
 def _guess(file: ModelFile) -> Sidecar:
-    """Return what a file's metadata or signature make of it, where it has no sidecar."""
+    """Identify a file without a sidecar by its metadata or signature."""
     if read_metadata(file.metadata, where=str(file.path)) is not None:
         return Sidecar(kind="yolo")
     wanted = {name for role in ("boxes", "logits") for name in RF_DETR_OUTPUTS[role].names}
@@ -109,7 +109,7 @@ def _model_beside(path: Path) -> Path:
 
 
 def _warm_up(model: Model, path: Path) -> None:
-    """Run it on a picture of nothing in particular: what it gives must at least be numbers."""
+    """Run it on a dummy image; its outputs must at least be finite."""
     ramp = np.add.outer(np.arange(240), np.arange(320)) % 240
     picture: Picture = np.repeat(ramp[..., None], 3, axis=2).astype(np.uint8)
     try:
@@ -128,5 +128,5 @@ def _warm_up(model: Model, path: Path) -> None:
 
 
 def _said(error: PlatformError) -> str:
-    """Return an error without the model's name in front."""
+    """Return an error's text without the leading model name."""
     return str(error).partition(": ")[2] or str(error)

@@ -1,4 +1,4 @@
-"""From a detector's candidates to instances: one way for every family."""
+"""Post-processing: turns a detector's candidates into instances, for every model family."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from adatracker_deploy.perception.models.picture import Letterbox
 from adatracker_deploy.perception.roles import Instances
 
 CANDIDATES = 1000
-"""The best of the candidates that are compared with each other."""
+"""Number of best candidates that enter non-maximum suppression."""
 _ROUNDING = 1e-3
 
 
 Cut = Callable[[NDArray[np.intp], NDArray[np.float32]], NDArray[np.bool_]]
-"""Gives the masks of the candidates at these places with these boxes, (n, 4) in the picture's px."""
+"""Returns the masks of the candidates at these indices with these boxes, (n, 4) in image px."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +42,7 @@ class Rules:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidates:
-    """What a network gave, before anything is left out."""
+    """A network's output before filtering."""
 
     boxes: NDArray[np.float32]
     """Left, top, right, bottom in px of the network's input, shape (n, 4)."""
@@ -58,13 +58,13 @@ def instances(candidates: Candidates, rules: Rules, place: Letterbox, *, where: 
     """Return the instances among the candidates, best first.
 
     Args:
-        candidates: what the network gave.
+        candidates: the network's output.
         rules: what is wanted.
         place: where the picture lies in the input.
         where: the model, for errors.
 
     Raises:
-        PlatformError: the scores are no scores.
+        PlatformError: a score is outside 0 to 1.
     """
     scores = candidates.scores
     if len(scores) and (scores.min() < -_ROUNDING or scores.max() > 1 + _ROUNDING):
@@ -94,7 +94,7 @@ def cutter(
     place: Letterbox,
     above: float,
 ) -> Cut:
-    """Return what cuts masks out of maps over the whole input.
+    """Return a function that cuts masks out of maps over the whole input.
 
     Args:
         maps: gives the maps of the candidates at n places, (n, *shape).

@@ -1,4 +1,4 @@
-"""GroundingDINO: finds whatever words say. For key frames only: it is slow.
+"""GroundingDINO: open-vocabulary detection. For key frames only, because it is slow.
 
 logits [1, Q, 256] score each of Q boxes against each token of the caption (minus infinity where there is no
 token), boxes [1, Q, 4] are centres and sizes as fractions of the input. A box's score is its best token's,
@@ -105,7 +105,7 @@ class GroundingDino:
         return self._rules.vocabulary
 
     def __call__(self, picture: Picture) -> Instances:
-        """Return what is in the picture; raises PlatformError where the network gives what none gives."""
+        """Return the detections in an image; raises PlatformError if the network's output is invalid."""
         feeds, place = self._input.feed(picture)
         outputs = (self._given["logits"], self._given["boxes"])
         logits, boxes = self.networks[0].run(

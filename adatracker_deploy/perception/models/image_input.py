@@ -1,4 +1,4 @@
-"""The picture input of a graph: its size, and the array that is fed."""
+"""A graph's image input: its size, and the array it is fed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What SAM2 remembers of the thing that it follows. Pure: arrays in, arrays out.
+"""SAM2's memory bank of the tracked object. Pure: arrays in, arrays out.
 
 After `sam2/modeling/sam2_base.py`, _prepare_memory_conditioned_features: the prompted frame and the last six,
 each with its age's temporal code, and the pointers of the prompted frame and the last fifteen. Pointers carry

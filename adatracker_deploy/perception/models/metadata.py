@@ -1,4 +1,4 @@
-"""What Ultralytics' exporter writes into a file of itself; trusted before the file's name.
+"""Reads the metadata that Ultralytics' exporter writes into a file; they take precedence over its name.
 
 Keys and their spelling are those of `ultralytics/engine/exporter.py`: every value is the text of a Python
 literal.

@@ -1,4 +1,4 @@
-"""An ONNX file as it lies on disk: read once, checked, described; nothing of it has run yet."""
+"""Reads, checks and describes an ONNX file without running it."""
 
 from __future__ import annotations
 

@@ -25,9 +25,9 @@ from adatracker_deploy.perception.roles import Instances, Picture
 
 STRIDES = (8, 16, 32)
 SIDE = 416
-"""To which a picture's longer side is brought, px: what the network was trained on."""
+"""Length to which an image's longer side is scaled, px: the size used in training."""
 SCORE = 0.35
-"""Things below are not reported; of people, every second box from 0.35 to 0.5 is false on street footage."""
+"""Score threshold; on street footage every second person box between 0.35 and 0.5 is false."""
 NMS_IOU = 0.6
 _BINS = 11
 _DISTANCES = np.arange(_BINS, dtype=np.float32)
@@ -86,7 +86,7 @@ class NanoDet:
         return self._rules.vocabulary
 
     def __call__(self, picture: Picture) -> Instances:
-        """Return what is in the picture; raises PlatformError where the network gives what none gives."""
+        """Return the detections in an image; raises PlatformError if the network's output is invalid."""
         rows, columns = picture.shape[:2]
         place = fit((rows, columns), _input_size(rows, columns, self._side), "letterbox_corner")
         feeds = {self._picture: prepare(picture, place, _IMAGENET_BGR)}
@@ -107,7 +107,7 @@ class NanoDet:
         )
 
     def _check_grids(self, values: Mapping[str, NDArray[np.float32]], size: tuple[int, int]) -> None:
-        """See that each grid has a row for each of its cells, or every box would be elsewhere."""
+        """Check that each grid has a row for each of its cells; otherwise all boxes would be misplaced."""
         for name, value in values.items():
             stride = int(name[3:])
             cells = size[0] // stride * (size[1] // stride)

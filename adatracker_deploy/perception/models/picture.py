@@ -1,4 +1,4 @@
-"""From a picture to a network's input, and from its coordinates back to the picture's. Pure functions."""
+"""Maps an image to a network's input, and coordinates back to the image. Pure functions."""
 
 from __future__ import annotations
 

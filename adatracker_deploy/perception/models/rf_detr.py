@@ -89,7 +89,7 @@ class RfDetrDetector:
             )
 
     def __call__(self, picture: Picture) -> Instances:
-        """Return what is in the picture; raises PlatformError where the network gives what none gives."""
+        """Return the detections in an image; raises PlatformError if the network's output is invalid."""
         feeds, place = self._input.feed(picture)
         values = self.networks[0].run(feeds, tuple(self._given.values()))
         scores = sigmoid(values[1][0])

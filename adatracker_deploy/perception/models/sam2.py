@@ -1,9 +1,8 @@
-"""SAM2, and EdgeTAM where it is exported likewise: follows one thing by its mask.
+"""SAM2, and EdgeTAM if exported likewise: tracks one object by its mask.
 
-On the first picture the thing's box is the prompt, and its mask is what is remembered of it, as SAM2 itself
-takes a mask prompt (`use_mask_input_as_output_without_sam`). Frames where the thing is out of sight are not
-remembered, so that what hides it is not learnt. A model that does not score "in sight" is judged by
-`sight.Sight`.
+In the first image the object's box is the prompt, and its mask is stored in memory, as SAM2 itself does with
+a mask prompt (`use_mask_input_as_output_without_sam`). Frames in which the object is out of sight are not
+stored, so that the occluder is not learnt. For a model without an object score, `sight.Sight` decides.
 """
 
 from __future__ import annotations
@@ -189,7 +188,7 @@ def _innermost(mask: Bool) -> list[tuple[float, float, int]]:
 
 
 def _likest(candidates: Values, mask: Bool) -> int:
-    """Return which of the masks (1, k, r, c) overlaps most with this one."""
+    """Return the index of the mask in (1, k, r, c) with the highest IoU to this one."""
     size = candidates.shape[3], candidates.shape[2]
     wanted = cv2.resize(mask.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
     shares = [(one & wanted).sum() / max(1, (one | wanted).sum()) for one in candidates[0] > 0]

@@ -1,4 +1,4 @@
-"""SAM2's four graphs and what the known export dialects call their tensors.
+"""SAM2's four graphs, and their tensor names in the known exports.
 
 The plain names are those of the exporters that came first, the prefixed ones (img_encoder_, mem_atten_, ...)
 of those that followed; a third kind is reached by the sidecar's `tensors`, written GRAPH.NAME.

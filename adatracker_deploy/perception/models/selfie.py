@@ -1,6 +1,6 @@
 """MediaPipe's selfie segmentation as a mask head: it cuts a person out of a crop around their box.
 
-It marks every person in a crop, so of two who overlap each gets some of the other.
+It marks every person in a crop, so the masks of two overlapping people mix.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from adatracker_deploy.perception.roles import Boxes, Masks, Picture
 
 _SIDE = 256
 _MARGIN = 0.15
-"""Of the box's longer side, around the square that is looked at."""
+"""Margin around the square crop, as a share of the box's longer side."""
 _ABOVE = 0.5
 _INPUTS = {"picture": Port(names=("image",), shapes=((1, _SIDE, _SIDE, 3),), dtypes=("float32",))}
 _OUTPUTS = {"mask": Port(names=("mask",), shapes=((1, _SIDE, _SIDE, 1),))}

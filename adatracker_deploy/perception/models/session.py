@@ -1,4 +1,4 @@
-"""The one door to onnxruntime for strong models: what runs, where, and that its numbers are numbers."""
+"""Runs ONNX models in onnxruntime, on a chosen provider, and checks that their outputs are finite."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ class Sidecar:
     colour: Literal["rgb", "bgr"] | None = None
     scale: Annotated[float, Range(1e-6, 1)] | None = None
     mean: Triple | None = None
-    """Of the scaled values, in the network's order of colours; so is `std`."""
+    """Mean of the scaled values, in the network's channel order, as is `std`."""
     std: Triple | None = None
     layout: Literal["nchw", "nhwc"] | None = None
     names: Literal["metadata", "coco80", "coco91"] | tuple[str, ...] | dict[str, str] | None = None
@@ -47,7 +47,7 @@ class Sidecar:
     score: Annotated[float, Range(0.001, 0.999)] | None = None
     """Instances below this are dropped."""
     nms_iou: Annotated[float, Range(0.05, 1)] | None = None
-    """Of two boxes of one class that overlap by more than this, the better one stays; 1 keeps all."""
+    """IoU threshold of non-maximum suppression within a class; 1 keeps all."""
     limit: Annotated[int, Range(1, 300)] = 100
     """Instances at most, best first."""
     vocabulary: str | None = None

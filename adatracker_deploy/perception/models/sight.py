@@ -1,4 +1,4 @@
-"""Whether a followed thing is still in sight, by area and by jumps. Pure."""
+"""Decides whether a tracked object is still in sight, by area and displacement. Pure."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ it was out of sight. Chosen, not measured."""
 
 
 class Sight:
-    """What a mask must be like to be the thing that was last seen."""
+    """Checks a mask against the last one in which the object was seen."""
 
     def __init__(self, mask: NDArray[np.bool_]) -> None:
         """Begin with its mask, shape (h, w)."""

@@ -1,4 +1,4 @@
-"""What an adapter needs of a graph's inputs and outputs, bound by name; others are refused."""
+"""Binds a graph's inputs and outputs by name to what an adapter needs; others are refused."""
 
 from __future__ import annotations
 

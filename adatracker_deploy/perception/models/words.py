@@ -1,4 +1,4 @@
-"""From the words that are asked for to a model's own classes."""
+"""Maps requested words to a model's classes."""
 
 from __future__ import annotations
 

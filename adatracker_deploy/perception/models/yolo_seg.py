@@ -85,7 +85,7 @@ class YoloDetector:
         return self._rules.vocabulary
 
     def __call__(self, picture: Picture) -> Instances:
-        """Return what is in the picture; raises PlatformError where the network gives what none gives."""
+        """Return the detections in an image; raises PlatformError if the network's output is invalid."""
         feeds, place = self._input.feed(picture)
         values = self.networks[0].run(feeds, tuple(self._given.values()))
         rows = values[0][0] if self._finished else values[0][0].T

@@ -1,1 +1,1 @@
-"""Which of the people in view is the one to follow: chosen once, then kept, and never swapped in silence."""
+"""Target selection and re-identification: the target is chosen once and never silently swapped."""

@@ -1,7 +1,7 @@
-"""What a person looks like: colour histograms of chest, waist and legs.
+"""Appearance of a person: colour histograms of chest, waist and legs.
 
-Three stripes tell clothes apart that a histogram of the whole box mixes up; on footage of a street, in HSV,
-they told people apart better than the detector's own features did.
+Three stripes distinguish clothes that a histogram of the whole box mixes up; on street footage, in HSV, they
+separated people better than the detector's own features did.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ Appearance = NDArray[np.float32]
 _STRIPES = ((0.12, 0.32), (0.32, 0.52), (0.55, 0.90))
 """Top and bottom, in fractions of the box's height: the head and the ground are left out."""
 _INSET = 0.25
-"""Of the box's width, on either side: what lies there is mostly background."""
+"""Share of the box's width left out on either side: mostly background."""
 _BINS = (8, 4, 4)
-"""Of hue, saturation and value."""
+"""Number of bins of hue, saturation and value."""
 _RANGES = (0, 180, 0, 256, 0, 256)
 
 
 def appearances(picture: Picture, boxes: Boxes) -> NDArray[np.float32]:
-    """Return how each boxed person looks, shape (n, 3, 128)."""
+    """Return the appearance of the person in each box, shape (n, 3, 128)."""
     looks = np.empty((len(boxes), len(_STRIPES), int(np.prod(_BINS))), np.float32)
     for look, box in zip(looks, boxes, strict=True):
         look[:] = _stripes(picture, box)
@@ -36,13 +36,14 @@ def appearances(picture: Picture, boxes: Boxes) -> NDArray[np.float32]:
 
 
 def likeness(looks: NDArray[np.float32], other: Appearance) -> NDArray[np.float32]:
-    """Return how alike each of `looks` (n, 3, 128) is to `other`, 0 to 1: mean Bhattacharyya coefficient."""
+    """Return the similarity of each of `looks` (n, 3, 128) to `other`, 0 to 1: mean Bhattacharyya
+    coefficient."""
     alike = np.asarray(np.einsum("nsb,sb->n", looks, other) / len(_STRIPES), np.float32)
     return np.minimum(alike, np.float32(1))  # roots are rounded: the same look may come out as a hair more
 
 
 def mixed(old: Appearance, new: Appearance, share: float) -> Appearance:
-    """Return a look that is `share` of the way from the old to the new one, 0 to 1."""
+    """Blend two appearances, with `share` (0 to 1) of the new one."""
     histograms = (1 - share) * np.square(old) + share * np.square(new)
     return np.sqrt(histograms)
 

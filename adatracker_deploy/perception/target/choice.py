@@ -1,4 +1,4 @@
-"""Who is the target at the start: by a rule, a point, a box or a number."""
+"""Initial choice of the target: by a rule, a point, a box or an index."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ if TYPE_CHECKING:
     from adatracker_deploy.perception.roles import Boxes, Instances
 
 Rule = Literal["largest", "central", "best"]
-"""Whose box is the largest, or nearest the picture's middle, or most surely a person's."""
+"""The largest box, the one nearest the image centre, or the one with the best score."""
 
 LEAST_SCORE = 0.5
-"""Of a detection that may be chosen."""
+"""Least score of a detection that may be chosen."""
 _LEAST_OVERLAP = 0.3
 
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """A way to choose; `str` gives what `Choice.read` reads."""
+    """A rule for choosing the target; `str` is the inverse of `Choice.read`."""
 
     rule: Rule = "largest"
     numbers: tuple[float, ...] = ()
@@ -58,7 +58,7 @@ class Choice:
         )
 
     def __call__(self, people: Instances, width: int, height: int) -> int | None:
-        """Return the place in `people` of the one chosen; None while no such person is in sight.
+        """Return the index in `people` of the chosen person; None while nobody qualifies.
 
         Args:
             people: everybody in the picture.
@@ -92,7 +92,7 @@ class Choice:
 
 
 def _at(point: tuple[float, ...], boxes: Boxes) -> int | None:
-    """Return whose box holds the point; of several, the one whose middle is nearest."""
+    """Return the box that contains the point; of several, the one with the nearest centre."""
     x, y = point
     left, top, right, bottom = boxes.T
     holding = np.flatnonzero((left <= x) & (x <= right) & (top <= y) & (y <= bottom))

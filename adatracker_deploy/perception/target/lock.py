@@ -1,9 +1,9 @@
-"""The target lock: which box in each picture is the person that was chosen at the start.
+"""The target lock: finds the chosen person among the boxes of each image (re-identification).
 
-The target is kept by where they must be, by what they look like, and by what everybody else in view does: all
-compete for the boxes. Whoever was out of sight for too long is lost, and taken back only when they look like
-the target again, more than everybody else does, and more than they themselves did when the target stood
-beside them. Until then nobody is the target. Time is passed in; the same pictures give the same answers.
+The target is tracked by predicted position and appearance, together with everybody else in view: all tracks
+compete for the boxes. A target out of sight for too long is lost. It is reacquired only by a person who is
+similar to the target, more similar than everybody else, and more similar than that person was while beside
+the target. Until then there is no target. Time is passed in; the same images give the same results.
 """
 
 from __future__ import annotations
@@ -25,41 +25,42 @@ if TYPE_CHECKING:
     from adatracker_deploy.perception.target.motion import Motion
 
 COAST_S = 1.0
-"""Out of sight for longer, the target is lost."""
+"""Time out of sight after which the target is lost."""
 FORGET_S = 2.0
-"""Out of sight for longer, somebody else is forgotten."""
+"""Time out of sight after which another person's track is deleted."""
 CROWDED = 0.1
-"""Overlap with another box from which a look is not to be trusted, and nothing is learnt."""
+"""IoU with another box above which an appearance is not trusted or learnt."""
 _NEW_SCORE = 0.45
-"""Of a box that nobody's place explains, to count as somebody new."""
+"""Least score of an unmatched box that starts a new track."""
 _LEAST_ALIKE, _LEAST_ALIKE_OTHERS = 0.5, 0.4
 _LEARN, _LEARN_OTHERS = 0.05, 0.1
-"""Share of a new look that goes into the known one."""
+"""Share of a new appearance blended into the known one."""
 _USUAL_ALIKE = 0.75
-"""How alike a person stays to themselves from picture to picture: the median on street footage was 0.74."""
+"""Similarity of a person to themselves from image to image: the median on street footage was 0.74."""
 _SMOOTHING, _SMOOTHING_USUAL = 0.4, 0.1
 
 _DROP = 0.1
-"""By how much less alike than usual whoever is taken back may be."""
+"""How far below the usual similarity a reacquired person may be."""
 _MARGIN = 0.03
-"""By how much more alike than the next."""
+"""Required margin over the second most similar person."""
 _MARGIN_BEFORE = 0.06
-"""By how much more alike than they were beside the target: boxes of two who cross may have been swapped."""
+"""Required margin over that person's own similarity beside the target: crossing tracks may have been
+swapped."""
 _CONFIRM = 3
-"""Pictures in a row that must say so."""
+"""Consecutive images that must agree."""
 _REACH, _REACH_PER_S = 1.5, 2.5
 """How far from where the target was lost, in the target's heights: people are 1.7 m tall and run at 4 m/s."""
 _OTHER_SIZE = 0.5
 
 
 class Locked(NamedTuple):
-    """What the lock says of one picture."""
+    """The lock's result for one image."""
 
     state: TargetState
     place: int | None
-    """Which of the boxes is the target; None while it is in none of them."""
+    """Index of the target's box; None while there is none."""
     likeness: float
-    """Of that box to what is known of the target, 0 to 1; 0 with None."""
+    """Similarity of that box to the target, 0 to 1; 0 without a box."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,14 +68,14 @@ class _Target:
     person: Person
     first_look: Appearance
     usual: float = _USUAL_ALIKE
-    """How alike the target is to itself."""
+    """The target's usual similarity to itself."""
 
     @property
     def lost(self) -> bool:
         return self.person.unseen_s > COAST_S
 
     def alike(self, looks: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return how alike each look is to the target's as it is now, or as it was first."""
+        """Return the similarity of each appearance to the target's current or first one."""
         return np.maximum(self.person.alike(looks), likeness(looks, self.first_look))
 
 
@@ -82,15 +83,15 @@ class _Target:
 class _Other:
     person: Person
     alike: float | None = None
-    """To the target, of late; None before they stood free."""
+    """Smoothed similarity to the target; None before the person was seen unoccluded."""
     alike_beside: float | None = None
     """The same while the target stood free beside them; None if it never did."""
     agreed: int = 0
-    """Pictures in a row in which they looked like the target that is lost."""
+    """Consecutive images in which the person looked like the lost target."""
 
 
 class TargetLock:
-    """Keeps one person; `choose` comes before `update`."""
+    """Tracks one person; call `choose` before `update`."""
 
     def __init__(self) -> None:
         self._target: _Target | None = None
@@ -98,7 +99,7 @@ class TargetLock:
         self._t_ns = 0
 
     def choose(self, place: int, boxes: Boxes, looks: NDArray[np.float32], t_ns: int) -> Locked:
-        """Begin with the person in one of the boxes; who was the target before is forgotten.
+        """Start with the person in one of the boxes; forget any previous target.
 
         Args:
             place: in `boxes`.
@@ -121,7 +122,7 @@ class TargetLock:
         motion: Motion,
         t_ns: int,
     ) -> Locked:
-        """Return which of the people in the next picture is the target.
+        """Find the target among the people in the next image.
 
         Args:
             boxes: of everybody in the picture, px, shape (n, 4).
@@ -198,7 +199,7 @@ def _places(
 
 
 def _standing_free(boxes: Boxes) -> NDArray[np.bool_]:
-    """Tell of each box whether no other covers it."""
+    """Return for each box whether it is unoccluded."""
     covering = overlap(boxes, boxes)
     np.fill_diagonal(covering, 0.0)
     return np.asarray(covering.max(axis=1, initial=0.0) < CROWDED)
@@ -217,7 +218,7 @@ def _seen(other: _Other, box: NDArray[np.float32], look: Appearance | None) -> _
 
 
 def _compared(other: _Other, alike: float, target: _Target, *, beside: bool) -> _Other:
-    """Note how alike somebody who stands free is to the target."""
+    """Update an unoccluded person's similarity to the target."""
 
     def smoothed(before: float | None, share: float) -> float:
         return alike if before is None else before + share * (alike - before)
@@ -238,9 +239,9 @@ def _likeliest_other(
     theirs: dict[int, int],
     others: list[_Other],
 ) -> float:
-    """Return how alike to the target somebody else is at most, now or of late; 0 if there is nobody.
+    """Return the highest similarity of anybody else to the target, now or smoothed; 0 if there is nobody.
 
-    Who is not seen to stand free counts as remembered, who was as alike beside the target not at all.
+    Occluded people use their smoothed similarity; people who were as similar beside the target do not count.
     """
     now = [
         (float(alike[box]), others[theirs[box]] if box in theirs else None)
@@ -255,26 +256,27 @@ def _likeliest_other(
 
 
 def _is_elsewhere(target: _Target, here: float, likeliest: float) -> bool:
-    """Tell whether the target is somebody else rather than who is in its place, `here` alike to it.
+    """Return whether another detection is the target rather than the one at its predicted box, of similarity
+    `here`.
 
-    A target that went where it could not have gone (pictures are missing, the camera was knocked) stands
-    elsewhere as somebody new; whoever is where it must be is not it then, alike enough or not.
+    After dropped frames or a knock on the camera, the target may reappear as a new track; then reject the
+    detection at its predicted box, however similar.
     """
     return not _agrees(here, target) and _agrees(likeliest, target) and likeliest > here + _MARGIN
 
 
 def _agrees(alike: float, target: _Target) -> bool:
-    """Tell whether somebody is as much alike to the target as it usually is itself."""
+    """Return whether somebody is as similar to the target as it usually is to itself."""
     return alike > target.usual - _DROP
 
 
 def _more_than_beside(alike: float, other: _Other) -> bool:
-    """Tell whether they are more alike to the target than they were beside it, if they ever were."""
+    """Return whether a person is more similar to the target than they were beside it, if ever."""
     return other.alike_beside is None or alike > other.alike_beside + _MARGIN_BEFORE
 
 
 def _taken_back(known: list[tuple[int, _Other]], target: _Target, free: NDArray[np.bool_]) -> int | None:
-    """Return the place in `known` of whoever must be the lost target; None while nobody surely is."""
+    """Return the index in `known` of the reacquired target; None while nobody is certain."""
     ranked = sorted(
         ((other.alike, place) for place, (_, other) in enumerate(known) if other.alike is not None),
         reverse=True,

@@ -1,4 +1,4 @@
-"""How the camera itself moved between two pictures: where a person that stands still went in the image."""
+"""Estimates camera motion between two images: the image displacement of a standing person."""
 
 from __future__ import annotations
 

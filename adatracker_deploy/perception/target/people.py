@@ -1,4 +1,4 @@
-"""The people in view from picture to picture: where each must be now, and which box is whose. Pure."""
+"""Tracks the people in view: predicts each position and associates boxes with tracks. Pure."""
 
 from __future__ import annotations
 
@@ -18,40 +18,40 @@ if TYPE_CHECKING:
     from adatracker_deploy.perception.target.motion import Motion
 
 _SMOOTHING = 0.4
-"""Share of what is newly measured in a velocity."""
+"""Share of a new measurement in a velocity."""
 _DRIFT_S = 1.0
-"""Out of sight for longer, nobody is expected to have gone on as before."""
+"""Time out of sight after which no constant velocity is assumed."""
 _WIDEN, _WIDEN_PER_S, _WIDEST = 0.2, 0.5, 1.0
 """Boxes are compared with margins of this share of their sides, more the longer somebody was out of sight:
 two boxes of a fast person a picture apart need not touch (Yang et al. 2023, "Hard to track objects with
 irregular motions and similar appearances? Make it easier by buffering the matching space")."""
 _LEAST_OVERLAP = 0.05
 _OTHER_SIZE = 0.6
-"""Shares of height further apart than this are not of the same person."""
+"""Largest ratio between the heights of two boxes of the same person."""
 _LOOK_WEIGHT = 2.0
-"""Of the likeness, against the overlap."""
+"""Weight of the similarity relative to the IoU."""
 _LEAST_SCORE = 0.55
-"""Of overlap and weighted likeness together."""
+"""Least sum of IoU and weighted similarity."""
 
 
 @dataclass(frozen=True, slots=True)
 class Person:
-    """Somebody as last known."""
+    """A person's track."""
 
     box: NDArray[np.float64]
-    """Shape (4,), px; while out of sight, where they must be."""
+    """Shape (4,), px; while out of sight, the predicted box."""
     look: Appearance
     velocity: NDArray[np.float64]
-    """Of the box's centre in the picture less the camera's own motion, px/s, shape (2,)."""
+    """Image velocity of the box's centre without camera motion, px/s, shape (2,)."""
     unseen_s: float = 0.0
 
     @classmethod
     def new(cls, box: NDArray[np.float32], look: Appearance) -> Person:
-        """Return somebody seen for the first time."""
+        """Return a new track."""
         return cls(box.astype(np.float64), look, np.zeros(2))
 
     def expected(self, motion: Motion, dt_s: float) -> Person:
-        """Return where they must be a picture later, not seen yet."""
+        """Return the track predicted one image ahead."""
         corners = self.box.reshape(2, 2)
         if self.unseen_s <= _DRIFT_S:
             corners = corners + self.velocity * dt_s
@@ -64,7 +64,7 @@ class Person:
         return replace(self, box=np.hstack((middle - half, middle + half)), unseen_s=self.unseen_s + dt_s)
 
     def seen(self, box: NDArray[np.float32], look: Appearance | None, learn: float) -> Person:
-        """Return them as seen in `box`, after `expected`; a share of a look that is given is learnt."""
+        """Return the predicted track updated with `box`, and with a share of an appearance if given."""
         found = box.astype(np.float64)
         error = centres(found[None])[0] - centres(self.box[None])[0]
         velocity = self.velocity + _SMOOTHING * error / max(self.unseen_s, 1e-3)
@@ -72,7 +72,7 @@ class Person:
         return Person(found, known, velocity)
 
     def alike(self, looks: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return how alike each of `looks` is to theirs, 0 to 1, shape (n,)."""
+        """Return the similarity of each of `looks` to theirs, 0 to 1, shape (n,)."""
         return likeness(looks, self.look)
 
 
@@ -82,9 +82,9 @@ def assigned(
     alike: NDArray[np.float64],
     least_alike: Sequence[float],
 ) -> dict[int, int]:
-    """Return whose box each is, as {place in `people`: place in `boxes`}: the best pair first, then the next.
+    """Associate tracks with boxes, as {index in `people`: index in `boxes`}; greedy, best pair first.
 
-    Everybody competes for the boxes, so that whoever walks before the target keeps their own.
+    All tracks compete, so that a person walking in front of the target keeps their own box.
 
     Args:
         people: where everybody must be now, n of them.

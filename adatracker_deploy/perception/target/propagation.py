@@ -1,8 +1,8 @@
-"""The target's mask from picture to picture: what a propagator adds to a detector and the lock.
+"""Propagates the target's mask between images, beside the detector and the lock.
 
-Who the target is, the lock alone says. The propagator is started on the mask of whom the lock tracks. What it
-follows is offered to the lock as one more person where the detector missed it, and its mask is drawn where it
-lies in the lock's box. A propagator that follows something else than the lock is started again.
+Only the lock decides who the target is. The propagator starts from the mask of the lock's target. If the
+detector missed its object, that is offered to the lock as another person; its mask is drawn if it lies in the
+lock's box. A propagator that disagrees with the lock is restarted.
 """
 
 from __future__ import annotations

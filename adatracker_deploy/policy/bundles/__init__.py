@@ -1,1 +1,1 @@
-"""The policy bundles that are shipped, a folder each with its model card; the default policy is one."""
+"""The shipped policy bundles, one folder each with its model card, including the default policy."""

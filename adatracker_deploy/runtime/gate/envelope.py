@@ -1,4 +1,4 @@
-"""The speeds that are allowed now: the profile's, narrowed by what the robot is doing and by where it is."""
+"""The speeds allowed now: the profile's, narrowed by the robot's state and position."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Envelope:
 
     @classmethod
     def of(cls, limits: Limits) -> Envelope:
-        """Return a profile's."""
+        """Return a profile's envelope."""
         return cls(
             forward=limits.forward_m_s,
             backward=limits.backward_m_s,
@@ -35,7 +35,7 @@ class Envelope:
         )
 
     def times(self, share: float) -> Envelope:
-        """Return one with every speed scaled."""
+        """Return the envelope with every speed scaled."""
         return Envelope(
             forward=share * self.forward,
             backward=share * self.backward,
@@ -46,7 +46,7 @@ class Envelope:
         )
 
     def clip(self, twist: Twist) -> Twist:
-        """Return the nearest velocity inside."""
+        """Return the nearest velocity inside the envelope."""
         return Twist(
             vx=min(max(twist.vx, -self.backward), self.forward),
             vy=min(max(twist.vy, -self.lateral), self.lateral),
@@ -56,7 +56,7 @@ class Envelope:
 
 
 def ramped(limits: Limits, state: GateState, now_ns: int) -> float:
-    """Return the share of the envelope that is open so soon after the first motion, 0 to 1."""
+    """Return the share of the envelope open at this time after the first motion, 0 to 1."""
     if Reason.RAMP in limits.switched_off:
         return 1.0
     if state.moving_ns is None:
@@ -65,7 +65,8 @@ def ramped(limits: Limits, state: GateState, now_ns: int) -> float:
 
 
 def too_close(limits: Limits, state: GateState, target_share: float | None) -> bool:
-    """Tell whether the target is too close; one that is not seen is as close as it was, and so is NaN."""
+    """Return whether the target is too close; while it is not seen, or its size is NaN, the last answer
+    holds."""
     if target_share is None:
         return state.close
     return Reason.TOO_CLOSE not in limits.switched_off and not target_share <= limits.largest_target
@@ -74,7 +75,8 @@ def too_close(limits: Limits, state: GateState, target_share: float | None) -> b
 def narrowed(
     limits: Limits, state: GateState, robot: PlatformState, now_ns: int
 ) -> tuple[tuple[Reason, Envelope], ...]:
-    """Return the envelopes that hold now, each inside the one before, with what is told of those it stops."""
+    """Return the envelopes that apply now, each inside the one before, with the reason for commands it
+    cuts."""
     full = Envelope.of(limits)
     ramp = full.times(ramped(limits, state, now_ns))
     near = replace(ramp, forward=0.0) if state.close else ramp  # turning and backing away stay allowed
@@ -87,7 +89,7 @@ def narrowed(
 
 
 def _level(envelope: Envelope, limits: Limits, state: GateState, robot: PlatformState) -> Envelope:
-    """Return the envelope without what leads out of the altitude band."""
+    """Return the envelope without vertical motion that leads out of the altitude band."""
     if limits.altitude_m is None or robot.pose is None or Reason.ALTITUDE in limits.switched_off:
         return envelope
     low, high = limits.altitude_m

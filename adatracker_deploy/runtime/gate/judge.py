@@ -1,4 +1,4 @@
-"""The order in which a command is judged: is there a stop, is it fresh, how fast, how smooth."""
+"""Judges a command, in this order: is there a stop, is it fresh, is it within limits, is it smooth."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from adatracker_deploy.runtime.gate.track import follow
 from adatracker_deploy.runtime.gate.watch import command_stops, stops, warnings
 
 LONGEST_STEP_S = 0.1
-"""A pause of the gate itself must not let the next command jump."""
+"""Longest time step, s: a pause of the gate itself must not let the next command jump."""
 
 
 def judge(
@@ -26,11 +26,11 @@ def judge(
 
     Args:
         limits: the profile's, with its time-outs in the run's clock.
-        state: what the last judgement returned, or a new one after engaging.
-        setpoint: the newest; None before the first. One from before arming does not count, and one that is
-            stamped further ahead than `command_timeout_s` would outlive its sender: it is lost.
-        robot: the newest that the robot says of itself.
-        now_ns: the run's clock; a clock that runs backwards stands still here.
+        state: the state last returned, or a new one after engaging.
+        setpoint: the newest; None before the first. One from before arming is ignored. One stamped more than
+            `command_timeout_s` ahead would outlive its sender and is discarded.
+        robot: the robot's newest state.
+        now_ns: the run's clock; if it runs backwards, time stands still here.
     """
     before_ns = max(state.last_ns, state.armed_ns)
     now_ns = max(now_ns, before_ns)
@@ -63,7 +63,7 @@ def judge(
 
 
 def _heard(limits: Limits, state: GateState, robot: PlatformState, now_ns: int) -> GateState:
-    """Remember what the robot said: what it told once is missed when it is not told any more."""
+    """Remember which measurements the robot has sent, to notice when one is missing."""
     return replace(
         state,
         last_ns=now_ns,
@@ -75,9 +75,9 @@ def _heard(limits: Limits, state: GateState, robot: PlatformState, now_ns: int) 
 
 
 def _too_old(limits: Limits, setpoint: Setpoint, age_s: float, now_ns: int) -> Reason | None:
-    """Say what is too old to be obeyed: the command, or what was seen when it was made.
+    """Return what is too old: the command, or the frame that it is based on.
 
-    Both times are of one machine's clock: what was seen in the future has a wrong time, and may be older.
+    Both times are of one machine's clock: a frame from the future has a wrong time, and may be older.
     """
     if age_s > limits.command_timeout_s:
         return Reason.STALE

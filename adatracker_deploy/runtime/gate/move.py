@@ -1,4 +1,4 @@
-"""How a fresh command becomes the velocity that is sent."""
+"""Turns a fresh command into the velocity that is sent."""
 
 from __future__ import annotations
 
@@ -19,18 +19,19 @@ if TYPE_CHECKING:
 def move(
     limits: Limits, state: GateState, asked: Twist, robot: PlatformState, dt_s: float
 ) -> tuple[GateState, tuple[Reason, ...]]:
-    """Move from the last velocity towards the one asked for; return the next state and what was changed.
+    """Move from the last velocity towards the requested one; return the next state and the reasons for
+    changes.
 
-    The target is brought inside every envelope, then the way there is smoothed. Smoothing stays inside an
-    envelope that does not shrink. One that has shrunk (the target is too close, the edge of the altitude band
-    is reached) cuts its axis at once, as a stop does: braking there waits for no comfort.
+    The request is clipped to every envelope, then smoothed. Smoothing stays inside an envelope that does not
+    shrink. One that has shrunk (the target is too close, the edge of the altitude band is reached) cuts its
+    axis at once, without smoothing, as a stop does.
 
     Args:
         limits: the profile's.
         state: with `last_ns` the time now.
-        asked: the velocity asked for, finite.
-        robot: the newest that the robot says of itself.
-        dt_s: since the last velocity was sent, s.
+        asked: the requested velocity, finite.
+        robot: the robot's newest state.
+        dt_s: time since the last velocity was sent, s.
     """
     narrow = narrowed(limits, state, robot, state.last_ns)
     wanted, reasons = _clip(asked, narrow)
@@ -38,7 +39,7 @@ def move(
     jerk = Reason.JERK not in limits.switched_off
     smoothed, rate = smooth(limits, state.last, state.rate, wanted, dt_s, jerk=jerk)
     _, (_, ramp), *sudden = narrow
-    out, cut = _clip(ramp.clip(smoothed), sudden)  # the first clip takes off what rounding added
+    out, cut = _clip(ramp.clip(smoothed), sudden)  # the first clip removes rounding errors
     rate = replace(
         rate, vx=rate.vx if out.vx == smoothed.vx else 0.0, vz=rate.vz if out.vz == smoothed.vz else 0.0
     )
@@ -52,7 +53,7 @@ def move(
 
 
 def _clip(twist: Twist, narrow: Iterable[tuple[Reason, Envelope]]) -> tuple[Twist, list[Reason]]:
-    """Bring a velocity inside one envelope after the other; return it and what moved it."""
+    """Clip a velocity to one envelope after the other; return it and the reasons."""
     reasons = []
     for reason, envelope in narrow:
         before, twist = twist, envelope.clip(twist)

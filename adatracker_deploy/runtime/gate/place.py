@@ -1,7 +1,7 @@
-"""Where the robot is and where it would come to rest, against its fence and its altitude band.
+"""Geofence and altitude band: where the robot is and where it would come to rest.
 
-A stop is zero at once; what the robot needs to come to rest after it is taken to be ``v^2 / (2 a)`` at the
-limits' own acceleration. A position that is not a number is outside of everything.
+The stopping distance after a stop is taken to be ``v^2 / (2 a)`` at the profile's acceleration limit. A
+position of NaN is outside of everything.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ from adatracker_deploy.core.geometry import Pose
 from adatracker_deploy.core.messages import Twist
 
 STRAY_M = 0.5
-"""Further outside the altitude band than this, steering back is not trusted any more: a stop latches."""
+"""This far outside the altitude band, m, steering back is no longer trusted: a stop latches."""
 
 
 def leaves_fence(limits: Limits, start: Pose, pose: Pose, velocity: Twist) -> bool:
-    """Tell whether a robot that is stopped now would stand outside the fence.
+    """Return whether a robot stopped now would come to rest outside the fence.
 
     Args:
         limits: with the fence, in the frame of `start`: x ahead, y left.
-        start: where it was engaged.
-        pose: where it is.
-        velocity: its own, in its body frame.
+        start: the pose where it was engaged.
+        pose: its current pose.
+        velocity: in its body frame.
     """
     braking_s = math.hypot(velocity.vx, velocity.vy) / (2 * limits.accel_m_s2)
     forth, left = _turned(velocity.vx * braking_s, velocity.vy * braking_s, pose.yaw)
@@ -34,18 +34,18 @@ def leaves_fence(limits: Limits, start: Pose, pose: Pose, velocity: Twist) -> bo
 
 
 def rest_height_m(limits: Limits, pose: Pose, velocity: Twist) -> float:
-    """Return the height at which a vertical motion that is stopped now would end."""
+    """Return the height at which a vertical motion stopped now would end."""
     return pose.z + velocity.vz * abs(velocity.vz) / (2 * limits.accel_m_s2)
 
 
 def strays(band_m: tuple[float, float], height_m: float) -> bool:
-    """Tell whether a height is too far outside the altitude band."""
+    """Return whether a height is too far outside the altitude band."""
     low, high = band_m
     return not low - STRAY_M <= height_m <= high + STRAY_M
 
 
 def _turned(x: float, y: float, angle_rad: float) -> tuple[float, float]:
-    if math.isinf(angle_rad):  # of which there is no cosine
+    if math.isinf(angle_rad):  # infinity has no cosine
         return math.nan, math.nan
     cos, sin = math.cos(angle_rad), math.sin(angle_rad)
     return cos * x - sin * y, sin * x + cos * y

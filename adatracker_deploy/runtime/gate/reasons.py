@@ -1,4 +1,4 @@
-"""The name of everything for which a command is changed, a robot stopped or an operator warned."""
+"""Every reason to change a command, stop the robot or warn the operator."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ class Kind(enum.Enum):
     """What a reason does to a command."""
 
     LIMITS = "limits"
-    """The command is obeyed, within limits."""
+    """The command is followed, within limits."""
     WITHHOLDS = "withholds"
-    """The command, or its part that does harm, is zero until one comes that may pass."""
+    """The command, or its harmful part, is zero until a permitted one comes."""
     STOPS = "stops"
-    """The robot is stopped; only a new engage lets it move again."""
+    """The robot is stopped; only a new engage allows motion."""
     WARNS = "warns"
     """Nothing is changed yet."""
 
 
 class Reason(enum.StrEnum):
-    """Why what was sent is not what was asked for; the names stand in status, logs and profiles."""
+    """Why the sent command differs from the requested one; the names appear in status, logs and profiles."""
 
     kind: Kind
 
     def __new__(cls, name: str, kind: Kind) -> Self:
-        """Make a member; one without a kind is an error when this module is imported."""
+        """Create a member; a member without a kind fails at import."""
         reason = str.__new__(cls, name)
         reason._value_ = name
         reason.kind = kind
@@ -37,35 +37,35 @@ class Reason(enum.StrEnum):
     ENVELOPE = "envelope", Kind.LIMITS
     """Faster than the limits."""
     RAMP = "ramp", Kind.LIMITS
-    """Faster than so soon after engaging."""
+    """Faster than the ramp after engaging allows."""
     TOO_CLOSE = "too_close", Kind.WITHHOLDS
-    """Forward, with the target's box too large."""
+    """Forward motion while the target's box is too large."""
     ALTITUDE = "altitude", Kind.WITHHOLDS
-    """Towards the edge of the altitude band; or, as a stop, well outside it."""
+    """Motion towards the edge of the altitude band; as a stop: well outside it."""
     ACCELERATION = "acceleration", Kind.LIMITS
     JERK = "jerk", Kind.LIMITS
     STALE = "stale", Kind.WITHHOLDS
     """The command is too old: zero, until a fresh one comes."""
     BLIND = "blind", Kind.WITHHOLDS
-    """What the command was made from was seen too long ago, or not yet: zero, until a newer frame comes."""
+    """The frame that the command is based on is too old, or missing: zero, until a newer frame comes."""
 
     COMMAND_LOST = "command_lost", Kind.STOPS
-    """No fresh command for so long that a stop latched."""
+    """No fresh command within the time-out: a stop latched."""
     NOT_FINITE = "not_finite", Kind.STOPS
-    """NaN or infinity was asked for."""
+    """The command holds NaN or infinity."""
     GEOFENCE = "geofence", Kind.STOPS
     """The robot would come to rest outside its fence."""
     BATTERY = "battery", Kind.STOPS
     BATTERY_LOST = "battery_lost", Kind.STOPS
-    """The robot told its charge, and does not any more."""
+    """The robot no longer reports its battery charge."""
     POSITION_LOST = "position_lost", Kind.STOPS
-    """The robot told its position, and does not any more."""
+    """The robot no longer reports its position."""
     POSITION_JUMPED = "position_jumped", Kind.STOPS
     """The position changed by more than motion explains: its estimate was reset, or is wrong."""
     STATE_LOST = "state_lost", Kind.STOPS
-    """Nothing new was heard of the robot, or what it said is older than what it said before."""
+    """No new state from the robot, or one older than the last."""
     NOT_ENGAGED = "not_engaged", Kind.STOPS
-    """The robot says that it no longer obeys."""
+    """The robot reports that it no longer accepts commands."""
     ROBOT_STOPPED = "robot_stopped", Kind.STOPS
     """The robot, or its adapter, latched a stop."""
     TAKEOVER = "takeover", Kind.STOPS
@@ -73,21 +73,21 @@ class Reason(enum.StrEnum):
     REFUSED = "refused", Kind.STOPS
     """The adapter could not send."""
     SUSPENDED = "suspended", Kind.STOPS
-    """The machine slept."""
+    """The machine was suspended."""
     ASKED = "asked", Kind.STOPS
-    """The operator, or the end of the trial."""
+    """Requested by the operator, or the end of the trial."""
 
     BATTERY_LOW = "battery_low", Kind.WARNS
-    """A warning: nothing is changed yet."""
+    """Low battery: a warning; nothing is changed yet."""
 
 
 def limited(names: Iterable[str]) -> bool:
-    """Tell whether a logged command was changed to keep it within limits."""
+    """Return whether a logged command was changed to keep it within limits."""
     return any(name in _LIMITS for name in names)
 
 
 def withheld(names: Iterable[str]) -> bool:
-    """Tell whether a logged command was withheld, or the robot stopped; a name not known here counts so."""
+    """Return whether a logged command was withheld or the robot stopped; an unknown name counts as such."""
     return any(name not in _LIMITS | _WARNS for name in names)
 
 

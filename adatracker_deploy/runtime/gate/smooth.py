@@ -1,4 +1,4 @@
-"""Speeds that change no faster than acceleration and jerk allow."""
+"""Limits acceleration and jerk."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from adatracker_deploy.config.limits import Limits
 from adatracker_deploy.core.messages import Twist
 
 ARRIVED = 1e-9
-"""A speed this near to the wanted one, m/s or rad/s, is the wanted one."""
+"""A speed this close to the wanted one, m/s or rad/s, counts as reached."""
 
 
 def approach(
@@ -19,14 +19,14 @@ def approach(
     The rate aimed at is the largest from which the speed can still settle at `wanted`. A rate `r` that falls
     by `jerk` adds ``r^2 / (2 jerk)`` to the speed until it is zero, and this step adds ``r dt``: `aim` is the
     root of ``r dt + r^2 / (2 jerk) = error``. A falling rate that is applied from the start of each step adds
-    less than that integral, however long the steps; so a bound that every `wanted` keeps is kept by every
-    speed on the way. Where a new `wanted` comes too late to be met, the speed passes it by
-    ``accel^2 / (2 jerk)`` at most, and comes back.
+    less than that integral, however long the steps; so the speed never exceeds a bound that every `wanted`
+    respects. If a new `wanted` comes too late, the speed overshoots it by at most ``accel^2 / (2 jerk)`` and
+    comes back.
 
     Args:
-        speed: now, m/s or rad/s.
+        speed: the current speed, m/s or rad/s.
         rate: its rate of change over the last step, at most `accel`.
-        wanted: the speed to come to.
+        wanted: the speed to reach.
         dt_s: the step, s, not negative; over a step of 0 nothing changes.
         accel: the largest rate, positive.
         jerk: the largest change of the rate per second, positive; infinite for no such limit.
@@ -51,10 +51,10 @@ def smooth(
     vector keeps the limits in every direction.
 
     Args:
-        limits: with acceleration and jerk.
-        last: the velocity now.
+        limits: the profile's, with acceleration and jerk.
+        last: the current velocity.
         rate: its rate of change over the last step.
-        wanted: the velocity to come to.
+        wanted: the velocity to reach.
         dt_s: the step, s, not negative.
         jerk: whether jerk is limited.
     """

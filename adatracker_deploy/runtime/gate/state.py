@@ -1,4 +1,4 @@
-"""What goes into the gate, what comes out, and what it remembers in between."""
+"""The gate's input, output and state."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from adatracker_deploy.runtime.gate.track import Track
 
 
 class Stage(enum.IntEnum):
-    """How far the gate has gone from obeying; each stage includes the ones before."""
+    """Escalation stages of the gate; each includes the ones before."""
 
     OBEY = 0
     ZERO = 1
-    """No fresh command: send zero, obey again when one comes."""
+    """No fresh command: send zero until one comes."""
     HOLD = 2
     """Latched: hold."""
     DISENGAGE = 3
-    """Latched, and to be given up in the robot's safe way: a base is disabled, a drone lands."""
+    """Latched: disengage in the robot's safe way; a base is disabled, a drone lands."""
 
 
 @dataclass(frozen=True, slots=True)
 class Setpoint:
-    """A velocity that somebody asked for at clock time `t_ns`."""
+    """A velocity requested at clock time `t_ns`."""
 
     twist: Twist
     t_ns: int
     target_share: float | None = None
     """The share of the image that the target's box covers, 0 to 1; None while it is not seen."""
     seen_ns: int | None = None
-    """When the frame was taken that it was made from; None for a command that nothing seen has led to."""
+    """Capture time of the frame it is based on; None for a command not based on a frame."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,47 +41,47 @@ class Stop:
 
     reason: Reason
     told: str = ""
-    """What the robot or the operator said; empty where the reason's name says it all."""
+    """The robot's or operator's own words; empty if the reason's name is enough."""
     stage: Stage = Stage.HOLD
 
     @property
     def text(self) -> str:
-        """What people are told."""
+        """The stop in words for people."""
         return self.told or self.reason
 
 
 @dataclass(frozen=True, slots=True)
 class GateState:
-    """What the gate remembers between two commands; every engage makes a new one, and nothing else does."""
+    """The gate's memory between two commands; only an engage makes a new one."""
 
     armed_ns: int
-    """When it was armed: older set-points do not count."""
+    """When it was armed; older set-points are ignored."""
     last: Twist = ZERO
     rate: Twist = ZERO
     """The rate of change of `last`: accelerations, m/s^2 and rad/s^2."""
     last_ns: int = 0
     moving_ns: int | None = None
-    """When motion was first asked for; None before."""
+    """When motion was first requested; None before."""
     start: Pose | None = None
-    """Where the robot was first seen to be; None while it tells no position."""
+    """The robot's first reported pose; None while it reports no position."""
     track: Track | None = None
-    """Where it can have come to by motion; None while it tells no position."""
+    """The position that motion can explain; None while the robot reports no position."""
     heard_ns: int = 0
-    """When the newest was measured that the robot has told."""
+    """Time of the robot's newest measurement."""
     battery_told: bool = False
-    """It has told its charge."""
+    """The robot has reported its battery charge."""
     close: bool = False
     """The target was too close when it was last seen."""
     stop: Stop | None = None
-    """What has latched; None while nothing has."""
+    """The latched stop; None without one."""
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What goes to the wire, and why it differs from what was asked."""
+    """What is sent, and why it differs from the request."""
 
     twist: Twist
     stage: Stage
     reasons: tuple[Reason, ...] = ()
     warnings: tuple[Reason, ...] = ()
-    """What is about to change something."""
+    """Reasons that are about to apply."""

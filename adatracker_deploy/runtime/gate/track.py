@@ -1,7 +1,7 @@
-"""Tells motion from a position that jumps: an estimate that is reset moves the fence, not the robot.
+"""Detects position jumps: a reset of the estimate moves the fence, not the robot.
 
 The frame of odometry is continuous: a pose in it "evolves smoothly, without discrete jumps" (REP 105). Real
-estimators correct themselves all the same, so a jump is what neither motion nor such a correction explains.
+estimators still correct themselves, so a jump is what neither motion nor such a correction explains.
 """
 
 from __future__ import annotations
@@ -13,34 +13,35 @@ from adatracker_deploy.config.limits import Limits
 from adatracker_deploy.core.geometry import Pose
 
 JUMP_M = 1.0
-"""The reported position may be so far ahead of what motion explains. PX4's height, the worst that was
-measured, was wrong by 0.84 m at most and drifts; and no fence is narrower than 1 m."""
+"""How far, m, the reported position may be from what motion explains. PX4's height, the worst measured, was
+wrong by at most 0.84 m and drifts; no fence is narrower than 1 m."""
 DRIFT_M_S = 1.0
-"""An estimate may move by so much faster than the robot is allowed to. PX4's velocity was wrong by 0.8 m/s at
-most (v1.16, simulated quadrotor)."""
+"""How much faster an estimate may move than the robot is allowed to. PX4's velocity was wrong by at most 0.8
+m/s (v1.16, simulated quadrotor)."""
 
 Place = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """A point that follows the reported position, no faster than the robot can move."""
+    """A point that follows the reported position no faster than the robot can move."""
 
     reached: Place
-    """Where it is, in the robot's own fixed frame, m."""
+    """Its position in the robot's own fixed frame, m."""
     reported: Place
-    """The newest position that the robot told."""
+    """The newest reported position."""
     reported_ns: int
-    """When that was first judged."""
+    """When that position was first judged."""
 
     @property
     def jumped(self) -> bool:
-        """The report is further away than motion and an estimator's corrections explain."""
+        """Whether the reported position is further away than motion and an estimator's corrections
+        explain."""
         return math.dist(self.reached, self.reported) > JUMP_M
 
 
 def fastest_m_s(limits: Limits) -> float:
-    """Return the largest speed at which a sound estimate may move."""
+    """Return the largest speed at which a valid estimate may move."""
     level = max(limits.forward_m_s, limits.backward_m_s)
     return math.hypot(level, limits.lateral_m_s, limits.vertical_m_s) + DRIFT_M_S
 
@@ -48,8 +49,8 @@ def fastest_m_s(limits: Limits) -> float:
 def follow(limits: Limits, track: Track | None, pose: Pose | None, now_ns: int) -> Track | None:
     """Move the track towards a newly reported position.
 
-    Positions come more seldom than commands go. So the time that the robot had is that since the position
-    before was first judged, of which no more than `state_timeout_s` counts.
+    Positions arrive less often than commands are sent. So the time step is the time since the previous
+    position was first judged, at most `state_timeout_s`.
 
     Args:
         limits: the profile's, with its time-outs in the run's clock.

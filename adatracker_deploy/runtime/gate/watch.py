@@ -1,6 +1,6 @@
-"""What stops the robot for good, in the order in which it is told, and what cannot be watched at all.
+"""Finds the reasons to latch a stop, in order of precedence, and the limits that cannot be monitored.
 
-Comparisons are written so that a measurement that is not a number stops.
+Comparisons are written so that a NaN stops.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 
 
 def stops(limits: Limits, state: GateState, robot: PlatformState, now_ns: int) -> Iterator[Stop]:
-    """Give every reason that the robot is for stopping it at `now_ns`."""
+    """Yield every reason in the robot's state to stop it at `now_ns`."""
     if robot.stopped:
         yield Stop(Reason.TAKEOVER if robot.taken_over else Reason.ROBOT_STOPPED, robot.stopped)
     if not robot.engaged:
         yield Stop(Reason.NOT_ENGAGED)
-    # From the future is no better than old, and older than what was heard before is no news.
+    # A time in the future is as bad as an old one, and a state older than the last is not new.
     if abs(robot.age_s(now_ns)) > limits.state_timeout_s or robot.t_ns < state.heard_ns:
         yield from _unless_off(limits, Reason.STATE_LOST)
     if robot.battery is None and state.battery_told and Reason.BATTERY not in limits.switched_off:
@@ -43,7 +43,7 @@ def stops(limits: Limits, state: GateState, robot: PlatformState, now_ns: int) -
 
 
 def command_stops(limits: Limits, setpoint: Setpoint, silence_s: float) -> Iterator[Stop]:
-    """Give every reason to stop that the newest set-point is, after `silence_s` without a fresh one."""
+    """Yield every reason in the newest set-point to stop, after `silence_s` without a fresh one."""
     if not setpoint.twist.is_finite():
         yield Stop(Reason.NOT_FINITE)
     if silence_s > limits.hold_after_s:
@@ -51,13 +51,13 @@ def command_stops(limits: Limits, setpoint: Setpoint, silence_s: float) -> Itera
 
 
 def warnings(limits: Limits, robot: PlatformState) -> tuple[Reason, ...]:
-    """Return what is about to stop the robot."""
+    """Return the reasons that are about to stop the robot."""
     low = robot.battery is not None and not robot.battery > limits.battery_warn
     return (Reason.BATTERY_LOW,) if low and Reason.BATTERY not in limits.switched_off else ()
 
 
 def unmonitored(limits: Limits, robot: PlatformState) -> tuple[Reason, ...]:
-    """Return the limits that are on but cannot be kept, for the robot does not tell what they need."""
+    """Return the enabled limits that cannot be enforced because the robot does not report what they need."""
     missing = {
         Reason.GEOFENCE: robot.pose is None,
         Reason.ALTITUDE: robot.pose is None and limits.altitude_m is not None,
@@ -67,7 +67,7 @@ def unmonitored(limits: Limits, robot: PlatformState) -> tuple[Reason, ...]:
 
 
 def _needs_position(limits: Limits) -> bool:
-    """Tell whether any limit that is on is about where the robot is."""
+    """Return whether any enabled limit needs the robot's position."""
     fenced = Reason.GEOFENCE not in limits.switched_off
     return fenced or (limits.altitude_m is not None and Reason.ALTITUDE not in limits.switched_off)
 

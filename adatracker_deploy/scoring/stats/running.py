@@ -1,4 +1,4 @@
-"""Sums and quantiles of values that come one by one, in the same memory however many come."""
+"""Running sums and quantiles of a stream of values, in constant memory."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 KEPT = 4096
 """So many values are kept as they are, and what is said of them is exact."""
 ACCURACY = 0.001
-"""Of a quantile of more values, relative to it."""
+"""Relative accuracy of a quantile once there are more values than are kept."""
 LEAST, MOST = 1e-3, 1e7
 """The range of that accuracy."""
 

@@ -1,4 +1,4 @@
-"""How long trials last when some of them outlast the horizon: the Kaplan-Meier curve."""
+"""Kaplan-Meier survival curve: how long trials last when some outlast the horizon."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What runs on a real robot; imports nothing of the simulator."""
+"""Drives the real robot; imports nothing of the simulator."""

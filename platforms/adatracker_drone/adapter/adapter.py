@@ -1,8 +1,7 @@
 """The drone's adapter: a PX4 quadrotor flown by body velocities in OFFBOARD.
 
-What blocks (connecting, climbing, landing) takes turns behind one lock. What must not wait (a stop, a
-set-point, a takeover) goes through the `ControlAuthority`, so that a stop from another thread ends an engage
-at once.
+Blocking operations (connecting, climbing, landing) share one lock. What must not wait (a stop, a set-point, a
+takeover) goes through the `ControlAuthority`, so that a stop from another thread ends an engage at once.
 """
 
 from __future__ import annotations
@@ -39,16 +38,16 @@ if TYPE_CHECKING:
     from adatracker_deploy.core.clock import Clock
 
 _BATTERY_TIMEOUT_S = 10.0
-"""A charge that was told longer ago is not told any more; PX4 tells it five times a second."""
+"""An older battery charge is not reported; PX4 sends it five times a second."""
 _LIFTED_M = 0.2
-"""A drone that counts as taking off is reported to stand up to this height."""
+"""Height below which a drone in take-off is still reported as standing."""
 
 
 class DroneAdapter(Platform):
     """A PX4 quadrotor behind MAVLink.
 
-    After a takeover (a mode that nobody here asked for) the drone is whoever's took it: neither `hold` nor
-    `disengage` nor `close` commands it again, until an explicit `engage`.
+    After a takeover (a mode change that this side did not request) neither `hold` nor `disengage` nor `close`
+    commands the drone, until an explicit `engage`.
     """
 
     name = "drone"
@@ -91,7 +90,7 @@ class DroneAdapter(Platform):
             )
 
     def _discover(self, talk: CommandClient) -> None:
-        """Wait for the autopilot, and make sure that it is the right one."""
+        """Wait for the autopilot and check its identity."""
         vehicle = talk.vehicle
         wanted, timeout_s = self._connection.uid, self._connection.connect_timeout_s
         deadline_ns = talk.deadline_ns(timeout_s)
@@ -113,10 +112,10 @@ class DroneAdapter(Platform):
             )
 
     def preflight(self) -> tuple[Check, ...]:
-        """Wait until the drone is ready, `ready_timeout_s` at most; then judge it and its fail-safes.
+        """Wait until the drone is ready, at most `ready_timeout_s`; then check it and its fail-safes.
 
-        One that stands disarmed in OFFBOARD, as PX4 leaves it after its fail-safe has landed it, is put into
-        HOLD first: it would not arm.
+        A drone disarmed in OFFBOARD, as after a fail-safe landing, is put into HOLD first, because it would
+        not arm.
         """
         with self._turn:
             flight = self._connected()
@@ -194,7 +193,7 @@ class DroneAdapter(Platform):
         return self._authority.steer(self._connected().vehicle, command, now_ns)
 
     def state(self) -> PlatformState:
-        """Return what telemetry said last; the pose is east-north-up, its z from where the drone took off."""
+        """Return the newest telemetry; the pose is east-north-up, with z from the take-off point."""
         flight = self._flight
         heard = flight.vehicle.heard if flight is not None else VehicleState()
         pose = velocity = None
@@ -216,7 +215,7 @@ class DroneAdapter(Platform):
         )
 
     def notices(self) -> tuple[str, ...]:
-        """Return what the link ignored because it did not come from the autopilot."""
+        """Return notices about ignored messages that did not come from the autopilot."""
         flight = self._flight
         return flight.vehicle.take_notices() if flight is not None else ()
 
@@ -281,7 +280,7 @@ class DroneAdapter(Platform):
         self._authority.withdraw(flight.vehicle if flight is not None else None, reason)
 
     def _stands(self, heard: VehicleState) -> bool:
-        """Tell whether a drone that counts as taking off is where it stood: its thrust only ramps up."""
+        """Return whether a drone in take-off is still on the ground, with its thrust ramping up."""
         return heard.landed is Landed.TAKING_OFF and self._authority.altitude_m(heard) < _LIFTED_M
 
     def _connected(self) -> Manoeuvres:

@@ -1,9 +1,9 @@
-"""Who steers the drone: set-points and orders leave only while they may.
+"""Control authority: set-points and commands are sent only while this side may control the drone.
 
-Consent is given by an explicit engage. It is taken away, at once and from any thread, by a stop, by a mode
-that nobody here asked for, when the drone is no longer heard, and when this side has been out of time itself;
-and it never comes back by itself. What still has to be ordered then (HOLD, LAND) needs the other half: that
-the drone is this side's to command. Whoever changed its mode has it.
+An explicit engage gives consent. A stop, an unrequested mode change, lost telemetry or a delay of this side
+revokes it, at once and from any thread; it never comes back by itself. HOLD and LAND may still be needed
+then; they require that this side is in charge of the drone. After an unrequested mode change, somebody else
+is.
 """
 
 from __future__ import annotations
@@ -25,25 +25,25 @@ if TYPE_CHECKING:
     from adatracker_drone.protocol.connection import Connection
 
 LONGEST_REASON = 95
-"""As `PlatformState.stopped` promises."""
+"""The limit of `PlatformState.stopped`."""
 
 
 class ControlAuthority:
-    """Guards what goes to one vehicle; every method returns at once."""
+    """Guards everything sent to one vehicle; every method returns at once."""
 
     def __init__(self, connection: Connection, clock: Clock) -> None:
         self.engaged = False
-        """OFFBOARD was confirmed and nothing has ended it."""
+        """OFFBOARD was confirmed and has not ended."""
         self.in_charge = False
-        """What the vehicle does now was asked for by this side, so this side has to land it."""
+        """This side requested the vehicle's current mode, so it has to land the vehicle."""
         self.stopped = ""
-        """Why consent went; empty while nothing unusual has happened."""
+        """Why consent was revoked; empty if nothing unusual has happened."""
         self.taken_over = False
-        """It went because the vehicle's mode changed, and nobody here had asked for that."""
+        """Consent was revoked by an unrequested mode change."""
         self.ground_down_m = 0.0
         """Where the drone took off, in PX4's local frame."""
         self.loss_s = 1.0
-        """After so long without a set-point the autopilot's own fail-safe acts (COM_OF_LOSS_T)."""
+        """Time without a set-point after which the autopilot's own fail-safe acts (COM_OF_LOSS_T)."""
         self._connection = connection
         self._clock = clock
         self._lock = threading.RLock()
@@ -55,7 +55,7 @@ class ControlAuthority:
         self._suspends = SuspendWatch(clock)
 
     def give_consent(self) -> None:
-        """Let set-points out; forgets why they were stopped."""
+        """Allow set-points; clears the reason for the last stop."""
         with self._lock:
             self._consent, self.stopped, self.taken_over = True, "", False
             self._suspends.begin()
@@ -63,58 +63,58 @@ class ControlAuthority:
                 self._expected = frozenset()
 
     def withdraw(self, vehicle: Vehicle | None = None, reason: str = "") -> None:
-        """Let nothing out any more but a last zero, to a `vehicle` that is flown; the first reason stays.
+        """Revoke consent, after a last zero to a `vehicle` in flight; the first reason is kept.
 
-        No zero goes out either when the last set-point is so old that the autopilot may be landing by its own
-        fail-safe: it would call PX4 back into OFFBOARD.
+        No zero is sent if the last set-point is so old that the autopilot may be landing by its own
+        fail-safe: it would return PX4 to OFFBOARD.
         """
         with self._lock:
             if vehicle is not None and self.engaged and not self._out_of_time():
-                with contextlib.suppress(PlatformError):  # a radio that fails must not keep consent alive
+                with contextlib.suppress(PlatformError):  # a failing radio must not keep consent alive
                     self._transmit(vehicle, ZERO, self._clock.now_ns())
             self.stopped = self.stopped or reason[:LONGEST_REASON]  # first, for who reads without the lock
             self._consent = self.engaged = False
             self._altitude_hold = None
 
     def take_charge(self) -> None:
-        """From now on this side has to bring the drone down again.
+        """Take charge: from now on this side has to land the drone.
 
         Raises:
-            PlatformError: consent has gone.
+            PlatformError: consent was revoked.
         """
         with self._lock:
             self.require_consent()
             self.in_charge = True
 
     def release(self) -> None:
-        """Have nothing to do with the vehicle any more: it stands, or is somebody else's."""
+        """Give up charge of the vehicle: it stands, or somebody else controls it."""
         with self._lock:
             self.in_charge, self._expected = False, frozenset()
 
     def expect(self, vehicle: Vehicle, *modes: str) -> None:
-        """Take any mode but these, now or told later, for somebody else taking over."""
+        """Treat any mode but these, now or later, as a takeover."""
         with self._lock:
             self._expected = frozenset(modes)
             self.on_mode(vehicle.heard.mode)
 
     def on_mode(self, mode: str) -> None:
-        """Judge a mode that the vehicle told: one that is not expected is obeyed by letting go."""
+        """Handle a reported mode: an unexpected one is a takeover."""
         with self._lock:
             if self._expected and mode not in self._expected:
                 self.lose(f"the drone went to {mode} by its pilot or its own fail-safe")
 
     def lose(self, reason: str) -> None:
-        """Leave the vehicle to whoever has taken it."""
+        """Leave the vehicle to whoever took it over."""
         with self._lock:
             self.taken_over = True
             self.withdraw(reason=reason)
             self.release()
 
     def order(self, vehicle: Vehicle, order: VehicleCommand, *modes: str) -> None:
-        """Give an order that leads towards flight; from now on it may bring the vehicle into `modes` too.
+        """Send a command that leads towards flight; from now on `modes` are expected too.
 
         Raises:
-            PlatformError: consent has gone.
+            PlatformError: consent was revoked.
         """
         with self._lock:
             self._require_alone(vehicle)
@@ -123,7 +123,8 @@ class ControlAuthority:
             vehicle.order(order)
 
     def order_down(self, vehicle: Vehicle, order: VehicleCommand, *modes: str) -> bool:
-        """Give an order that leads towards rest, without consent; False, and none, where it is not ours."""
+        """Send a command that leads towards rest, without consent; return False, sending none, if not in
+        charge."""
         with self._lock:
             if not self.in_charge:
                 return False
@@ -135,7 +136,7 @@ class ControlAuthority:
         """Send a zero set-point while engaging.
 
         Raises:
-            PlatformError: consent has gone.
+            PlatformError: consent was revoked.
         """
         with self._lock:
             self._require_alone(vehicle)
@@ -143,16 +144,16 @@ class ControlAuthority:
             self._transmit(vehicle, ZERO, self._clock.now_ns())
 
     def hold_altitude(self, vehicle: Vehicle, band_m: tuple[float, float]) -> None:
-        """From now on add to every set-point what keeps the present altitude, inside a band."""
+        """From now on hold the present altitude, within a band, with every set-point."""
         with self._lock:
             altitude_m = self.altitude_m(vehicle.heard)
             self._altitude_hold = AltitudeHold.at(altitude_m, band_m, self._clock.now_ns())
 
     def engage(self, vehicle: Vehicle) -> None:
-        """Let commands through: the vehicle was seen in OFFBOARD.
+        """Allow commands: the vehicle was seen in OFFBOARD.
 
         Raises:
-            PlatformError: consent has gone, or the vehicle has left OFFBOARD already.
+            PlatformError: consent was revoked, or the vehicle has left OFFBOARD already.
         """
         with self._lock:
             self.expect(vehicle, "OFFBOARD")
@@ -185,7 +186,7 @@ class ControlAuthority:
         return 0.0 if heard.position_ned_m is None else self.ground_down_m - heard.position_ned_m[2]
 
     def require_consent(self) -> None:
-        """Do nothing, or raise PlatformError when consent has gone."""
+        """Raise PlatformError if consent was revoked."""
         with self._lock:
             if self._consent and (slept := self._suspends.trouble()):
                 self.withdraw(reason=slept)
@@ -195,12 +196,12 @@ class ControlAuthority:
                 )
 
     def _require_alone(self, vehicle: Vehicle) -> None:
-        """Withdraw consent where somebody else is heard and nobody may be."""
+        """Withdraw consent if another sender is heard where none is allowed."""
         if self._connection.alone and vehicle.strangers:
             self.withdraw(vehicle, f"somebody else talks on the link: {vehicle.ignored}")
 
     def _out_of_time(self) -> str:
-        """Say why what this side would send is too old to follow what it sent last; empty where it is not."""
+        """Return why this side's next set-point would come too late after the last; empty if it would not."""
         silent_s = self._seconds_since(self._sent_ns, self._clock.now_ns())
         if silent_s > self.loss_s / 2:
             return f"no set-point went out for {silent_s:.1f} s: the autopilot's own fail-safe acts"

@@ -1,7 +1,7 @@
-"""How far MAVSDK is behind: what it has been handed and has not told yet. Pure, time comes in as an argument.
+"""Monitors MAVSDK's backlog: messages passed in but not yet delivered. Pure; time is an argument.
 
-It keeps every message for its subscribers' thread, however many there are. A flood, or a machine too busy to
-keep up, would fill the memory, and old telemetry would pass for new: its age counts from when it is told.
+MAVSDK queues every message for its subscribers' thread, without limit. A flood or a busy machine would fill
+the memory, and old telemetry would look new, because its age counts from delivery.
 """
 
 from __future__ import annotations
@@ -9,11 +9,11 @@ from __future__ import annotations
 MOST_BEHIND = 5
 """HEARTBEATs; an autopilot sends 1 to 5 a second."""
 PATIENCE_S = 0.5
-"""Told of nothing for so long, there is nothing more to come: MAVSDK has ignored some."""
+"""Without a delivery for this long nothing more is pending: MAVSDK has ignored some messages."""
 
 
 class Backlog:
-    """Counts HEARTBEATs, each of which is told of once. One thread hands over, another tells.
+    """Counts HEARTBEATs, each delivered once. One thread passes them in, another receives them.
 
     Args:
         speed: the run's clock's seconds per second of the machine's: so much faster an autopilot talks.

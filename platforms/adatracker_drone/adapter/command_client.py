@@ -1,4 +1,4 @@
-"""Commands and their acknowledgements, with time-outs; and whose the drone is before it is stopped.
+"""Command client: commands, acknowledgements and time-outs; checks who controls the drone before stopping it.
 
 Times are the machine's seconds at any speed of the run: MAVSDK and radios run no faster in a fast rehearsal.
 """
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     from adatracker_drone.adapter.transport import Vehicle
 
 TICK_NS = 50_000_000
-"""Set-points while engaging: 20 Hz, where PX4 wants more than 2 Hz."""
+"""Period of set-points while engaging: 20 Hz; PX4 needs more than 2 Hz."""
 _LOOK_NS = 2_000_000
 """Between two looks for an answer: it takes some milliseconds."""
 _ANSWER_S = 0.5
 _TRIES = 3
 _ASK_AGAIN_S = 0.2
 _AS_OLD_S = 0.05
-"""A mode that is told so soon after it was asked for may have been on its way before."""
+"""A mode received this soon after a request may have been sent before it."""
 
 
 def nothing() -> None:
@@ -34,7 +34,7 @@ def nothing() -> None:
 
 
 class CommandClient:
-    """One conversation with one vehicle, from one thread at a time."""
+    """Sends commands to one vehicle, from one thread at a time."""
 
     def __init__(self, vehicle: Vehicle, authority: ControlAuthority, clock: Clock) -> None:
         self.vehicle = vehicle
@@ -42,7 +42,7 @@ class CommandClient:
         self._clock = clock
 
     def deadline_ns(self, timeout_s: float) -> int:
-        """Return the time of the run's clock that so many of the machine's seconds lead to."""
+        """Return the deadline, by the run's clock, after a number of machine seconds."""
         return self._clock.now_ns() + round(timeout_s * self._clock.speed * 1e9)
 
     def wait(
@@ -52,7 +52,7 @@ class CommandClient:
         meanwhile: Callable[[], None] = nothing,
         every_ns: int = TICK_NS,
     ) -> bool:
-        """Do something again and again until a condition holds; return whether it did in time."""
+        """Repeat an action until a condition holds; return whether it did in time."""
         deadline_ns = self.deadline_ns(timeout_s)
         while not condition():
             meanwhile()
@@ -63,38 +63,38 @@ class CommandClient:
         return True
 
     def keep_alive(self) -> None:
-        """Send a zero set-point; raise PlatformError when consent has gone."""
+        """Send a zero set-point; raise PlatformError if consent was revoked."""
         self._authority.keep_alive(self.vehicle)
 
     def demand(self, condition: Callable[[], bool], timeout_s: float, failure: str) -> None:
-        """Wait while there is consent, with set-points going out.
+        """Wait for a condition while sending set-points, as long as there is consent.
 
         Raises:
-            PlatformError: consent has gone, or `condition` was not met.
+            PlatformError: consent was revoked, or `condition` was not met.
         """
         if not self.wait(condition, timeout_s, self.keep_alive):
             raise PlatformError(failure)
 
     def order(self, order: VehicleCommand, *modes: str) -> None:
-        """VehicleCommand what leads towards flight, while there is consent, until it is acknowledged.
+        """Send a command that leads towards flight, while there is consent, until it is acknowledged.
 
-        Consent is looked at before each time that the order goes out, and while its answer is waited for.
+        Consent is checked before each transmission and while waiting for the answer.
 
         Args:
             order: what to do.
             modes: those that it leads to.
 
         Raises:
-            PlatformError: consent has gone, or it was refused or not answered.
+            PlatformError: consent was revoked, or the command was refused or not answered.
         """
         self._until_answered(
             order, lambda: self._authority.order(self.vehicle, order, *modes), self.keep_alive
         )
 
     def order_down(self, order: VehicleCommand, *modes: str) -> bool:
-        """VehicleCommand what leads towards rest, where the drone is still ours; return whether it is.
+        """Send a command that leads towards rest if this side is still in charge; return whether it is.
 
-        Whose it is is asked before each time that the order goes out.
+        Charge is checked before each transmission.
 
         Raises:
             PlatformError: it was refused or not answered.
@@ -108,12 +108,12 @@ class CommandClient:
         return ours[0]
 
     def is_ours(self) -> bool:
-        """Ask the autopilot for its mode, and judge it: whoever changed the mode has the drone.
+        """Ask the autopilot for its mode; return whether this side is still in charge of the drone.
 
-        What was heard before may be up to a second old, so that a stop would take the drone from its pilot.
+        The last known mode may be a second old, and a stop would then take the drone from its pilot.
 
         Raises:
-            PlatformError: it does not tell. Whose the drone is then nobody knows, so it is left alone.
+            PlatformError: it does not answer. Nobody knows who controls the drone then, so it is left alone.
         """
         if not self._authority.in_charge:
             return False
@@ -125,7 +125,7 @@ class CommandClient:
         return self._authority.in_charge
 
     def hear_mode(self) -> bool:
-        """Ask the autopilot for its mode; return whether it did, and the authority has judged it."""
+        """Ask the autopilot for its mode; return whether it answered and the authority has handled it."""
         for _ in range(_TRIES * 2):
             answers, asked_ns = self.vehicle.answer(TELL_MODE).number, self._clock.now_ns()
             self.vehicle.order(TELL_MODE)

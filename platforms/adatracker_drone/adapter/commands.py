@@ -1,4 +1,4 @@
-"""What a PX4 vehicle is ordered to do: commands as values, and as the JSON that MAVSDK sends. Pure."""
+"""Commands to a PX4 vehicle, as values and as MAVSDK's JSON. Pure."""
 
 from __future__ import annotations
 

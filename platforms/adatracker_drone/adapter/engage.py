@@ -1,4 +1,4 @@
-"""How the drone gets into OFFBOARD and back to the ground: each step looks whether it may still be taken."""
+"""Enable sequence: leads the drone into OFFBOARD and back to the ground; every step checks the authority."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ PROOF_OF_LIFE_S = 1.2
 """PX4 wants set-points for 1 s before it switches to OFFBOARD."""
 LANDING_MODES = ("LAND", "RETURN_TO_LAUNCH")
 _SWITCH_TIMEOUT_S = 2.5
-"""HEARTBEAT tells of a new mode up to 1 s late; one may be lost on the way."""
+"""HEARTBEAT reports a new mode up to 1 s late; one may be lost."""
 _SETTLE_S = 0.3
-"""A mode that is told so soon after an order may still be the one before it."""
+"""A mode received this soon after a command may still be the previous one."""
 _REACHED = 0.8
 """The part of the take-off altitude above which a HOLD means that the climb is over."""
 _CLIMB_TIMEOUT_S = 30.0
 _LANDING_TIMEOUT_S = 60.0
 _NEAR_GROUND_M = 0.5
-"""Taking off and lower than this, the drone may be on the ground still: no HOLD could stop its thrust."""
+"""Below this height a drone in take-off may still be on the ground, where HOLD could not stop its thrust."""
 _DRIFT_M = 0.3
 """How far the height may have drifted during a climb."""
 
 
 class Manoeuvres:
-    """What one vehicle is led through, from one thread at a time.
+    """The manoeuvres of one vehicle, from one thread at a time.
 
     Args:
         talk: with the vehicle.
@@ -46,7 +46,7 @@ class Manoeuvres:
     """
 
     acceptance_m = 0.8
-    """So far below its height a take-off is over (NAV_MC_ALT_RAD)."""
+    """A take-off ends this far below its altitude (NAV_MC_ALT_RAD)."""
 
     def __init__(
         self,
@@ -72,10 +72,10 @@ class Manoeuvres:
         return self.talk.wait(lambda: vehicle.heard.mode != "OFFBOARD", _SWITCH_TIMEOUT_S)
 
     def find_holding(self) -> None:
-        """Make sure that a flying drone hovers; silently: set-points would revive a lost OFFBOARD.
+        """Check that a flying drone hovers, without set-points, which would revive a lost OFFBOARD.
 
         Raises:
-            PlatformError: consent has gone, or it flies in another mode.
+            PlatformError: consent was revoked, or it flies in another mode.
         """
         holds = self.talk.wait(
             lambda: self.vehicle.heard.mode == "HOLD", _SWITCH_TIMEOUT_S, self._authority.require_consent
@@ -87,7 +87,7 @@ class Manoeuvres:
         """Arm and take off; return when the autopilot has ended its take-off by going to HOLD.
 
         Raises:
-            PlatformError: consent has gone, or the autopilot did not do what it was asked for.
+            PlatformError: consent was revoked, or the autopilot did not do what it was asked for.
         """
         vehicle, height_m = self.vehicle, self._connection.takeoff_altitude_m
         self.leave_offboard()
@@ -129,7 +129,7 @@ class Manoeuvres:
             proven_ns: when set-points will have gone out for long enough.
 
         Raises:
-            PlatformError: consent has gone, or the autopilot does not go to OFFBOARD.
+            PlatformError: consent was revoked, or the autopilot does not go to OFFBOARD.
         """
         vehicle = self.vehicle
         self._authority.expect(vehicle, "HOLD")
@@ -149,7 +149,7 @@ class Manoeuvres:
         raise PlatformError(f"the autopilot did not go to OFFBOARD: {why}")
 
     def land(self) -> bool:
-        """VehicleCommand LAND, and on the ground to disarm as well; return whether the drone was still ours.
+        """Command LAND, and on the ground also disarm; return whether this side was still in charge.
 
         Raises:
             PlatformError: LAND was not acknowledged, or the autopilot does not tell whose the drone is.
@@ -163,7 +163,7 @@ class Manoeuvres:
         return True
 
     def await_rest(self, asked_ns: int, unless_closing: Callable[[], None]) -> None:
-        """Wait until a landing drone stands disarmed, or is somebody else's.
+        """Wait until a landing drone stands disarmed, or somebody else has taken it over.
 
         Args:
             asked_ns: when that was asked for; what was heard before does not count.
@@ -191,7 +191,7 @@ class Manoeuvres:
 
     @staticmethod
     def _gone(heard: VehicleState, settled_ns: int) -> bool:
-        """Tell whether a drone that was landing flies on in another mode."""
+        """Return whether a landing drone flies on in another mode."""
         flies = heard.armed and heard.in_air and heard.mode_t_ns > settled_ns
         return flies and heard.mode not in LANDING_MODES
 

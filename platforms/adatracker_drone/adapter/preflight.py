@@ -1,4 +1,4 @@
-"""What must hold before a drone is armed, judged from what was heard of it and from its parameters. Pure."""
+"""Preflight checks before arming, from telemetry and parameters. Pure."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LOSS_ACTIONS = {
 }
 """PX4's COM_OBL_RC_ACT."""
 SAFE_LOSS_ACTIONS = (4, 5)
-"""Those that need no pilot, no clear way home and no luck."""
+"""Actions that need neither a pilot nor a clear way home."""
 LONGEST_LOSS_S = 1.0
 """PX4's default of COM_OF_LOSS_T."""
 _STOPPING_FENCE_ACTIONS = (2, 3, 4, 5)
@@ -63,7 +63,7 @@ class Parameters:
 
 
 def link_checks(url: str, signing_key: str, ignored: str, *, blocking: bool = False) -> tuple[Check, ...]:
-    """Judge who else could talk to this side: warnings, for only who runs the network can know.
+    """Check who else could talk to this side; warnings only, because the network's owner must judge.
 
     Args:
         url: of the connection, checked.
@@ -95,7 +95,7 @@ def _is_private(url: str) -> bool:
 def mode_checks(
     mode: str, *, armable: bool, left_offboard: bool, tells_current_mode: bool
 ) -> tuple[Check, ...]:
-    """Judge the mode that the drone stands in, and how soon a pilot's change of it is known.
+    """Check the drone's mode, and how soon a pilot's mode change is noticed.
 
     Args:
         mode: as it was told last.
@@ -126,7 +126,7 @@ def mode_checks(
 
 
 def failsafe_checks(parameters: Parameters) -> tuple[Check, ...]:
-    """Judge what PX4 does by itself once set-points stop: the stop of last resort of everything above it."""
+    """Check what PX4 does by itself when set-points stop: the last resort."""
     loss_s, action = parameters.COM_OF_LOSS_T, parameters.COM_OBL_RC_ACT
     named = "unknown" if action is None else LOSS_ACTIONS.get(int(action), f"unknown ({action:g})")
     sticks = int(parameters.COM_RC_OVERRIDE or 0)
@@ -154,7 +154,7 @@ def failsafe_checks(parameters: Parameters) -> tuple[Check, ...]:
 
 
 def envelope_checks(parameters: Parameters, limits: Limits) -> tuple[Check, ...]:
-    """Judge whether the autopilot's own limits and fence fit what it will be asked for."""
+    """Check whether the autopilot's own limits and fence fit the commands to come."""
     checks = []
     for asked, unit, name, has in (
         (max(limits.forward_m_s, limits.backward_m_s), "m/s", "MPC_XY_VEL_MAX", parameters.MPC_XY_VEL_MAX),
@@ -186,7 +186,7 @@ def envelope_checks(parameters: Parameters, limits: Limits) -> tuple[Check, ...]
 def health_checks(
     *, unhealthy: tuple[str, ...], armable: bool, complaint: str, battery: float | None, min_battery: float
 ) -> tuple[Check, ...]:
-    """Judge the vehicle's own report on itself."""
+    """Check the vehicle's own health report."""
     why = f"; its last warning: {complaint}" if complaint else ""
     return (
         Check(

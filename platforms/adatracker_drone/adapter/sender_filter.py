@@ -1,8 +1,7 @@
-"""Who is listened to on a MAVLink link: one autopilot at one address, signed where a key is set. Pure.
+"""Sender filter of a MAVLink link: accepts one autopilot at one address, signed if a key is set. Pure.
 
-The first HEARTBEAT of the autopilot that the profile names decides whose link it is. From then on datagrams
-from anywhere else are ignored and counted, and of that one address's nothing passes but whole frames of that
-autopilot's own, of the few messages that are understood here.
+The first HEARTBEAT of the profile's autopilot fixes its address. From then on datagrams from elsewhere are
+ignored and counted; from that address only complete frames of that autopilot pass, of the known messages.
 """
 
 from __future__ import annotations
@@ -23,20 +22,20 @@ AUTOPILOT_COMPONENT = 1
 
 
 class Ignored(enum.StrEnum):
-    """Why something that came was not passed on."""
+    """Why an incoming message was ignored."""
 
     STRANGER = "from an address that is not the autopilot's"
     FORGED = "without a valid signature"
     MALFORMED = "that are no MAVLink, or not whole, or whose text is not printable"
     OTHER = "of other systems or of messages that are not needed"
-    """No offence: ground stations and gimbals share a drone's link."""
+    """Harmless: ground stations and gimbals share a drone's link."""
 
 
 _OFFENCES = (Ignored.STRANGER, Ignored.FORGED, Ignored.MALFORMED)
 
 
 class Guard:
-    """Judges what comes in, from one thread.
+    """Filters incoming datagrams, from one thread.
 
     Args:
         system: the autopilot's system id.
@@ -46,7 +45,7 @@ class Guard:
 
     def __init__(self, system: int, peer: Address | None = None, signer: Signer | None = None) -> None:
         self.peer = peer
-        """The one that is listened to and spoken to; None until it is heard."""
+        """The accepted address; None until it is heard."""
         self.judged = 0
         """Datagrams so far."""
         self.ignored = dict.fromkeys(Ignored, 0)
@@ -56,7 +55,7 @@ class Guard:
         self._last: dict[Ignored, Address] = {}
 
     def admit(self, datagram: bytes, sender: Address, unix_ns: int) -> bytes:
-        """Return the frames of a datagram that may be listened to, one behind the other; often none.
+        """Return the accepted frames of a datagram, concatenated; often none.
 
         Args:
             datagram: as it came.
@@ -82,12 +81,12 @@ class Guard:
 
     @property
     def offences(self) -> str:
-        """What was ignored and should not have come, in words; empty where nothing was."""
+        """Describe ignored messages that should not have come; empty without any."""
         told = [f"{self.ignored[why]} {why}" for why in _OFFENCES if self.ignored[why]]
         return f"ignored: {', '.join(told)}" if told else ""
 
     def take_notices(self) -> tuple[str, ...]:
-        """Return what is worth telling since the last call; from one other thread."""
+        """Return new notices since the last call; from one other thread."""
         notices = []
         for why in _OFFENCES:
             count = self.ignored[why]

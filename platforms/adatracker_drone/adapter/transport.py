@@ -1,12 +1,11 @@
-"""A PX4 vehicle behind MAVSDK: what was heard of it, and the few things that can be asked of it.
+"""Transport to a PX4 vehicle through MAVSDK: telemetry snapshot, set-points, commands and parameters.
 
 All of MAVSDK is in this module. Telemetry arrives by subscription in MAVSDK's own thread and replaces a
-frozen snapshot; nothing is polled. UDP is `UdpLink`'s, which hands MAVSDK what it lets in and takes from it
-what goes out. Set-points and orders go through `MavlinkDirect`, which sends only when it is called. MAVSDK's
-own plugins repeat: `Offboard` the last set-point from a C++ thread for as long as the process lives, so that
-the autopilot's fail-safe for lost set-points cannot see that Python hangs; `Action` a command whose answer
-was lost, so that a take-off could follow the LAND that a stop had sent. They also block until it comes, up
-to 2 s; here nothing blocks but parameters.
+frozen snapshot; nothing is polled. `UdpLink` owns UDP: it passes accepted datagrams to MAVSDK and sends
+MAVSDK's. Set-points and commands go through `MavlinkDirect`, which sends only when called. MAVSDK's own
+plugins repeat. `Offboard` repeats the last set-point from a C++ thread while the process lives, so the
+autopilot's fail-safe cannot notice that Python hangs; `Action` repeats a command whose answer was lost, so a
+take-off could follow a stop's LAND. They also block up to 2 s for an answer; here only parameters block.
 """
 
 from __future__ import annotations
@@ -48,9 +47,10 @@ _log = logging.getLogger(__name__)
 _log.addHandler(logging.NullHandler())
 
 _STATUS_RATE_HZ = 20.0
-"""Asked of CURRENT_MODE and EXTENDED_SYS_STATE; a real PX4 then told of new modes after 8 to 63 ms."""
+"""Requested rate of CURRENT_MODE and EXTENDED_SYS_STATE; a real PX4 then reported new modes after 8 to 63
+ms."""
 _OURS = "raw://"
-"""MAVSDK's name for a connection whose bytes somebody else carries."""
+"""MAVSDK's name for a connection whose bytes the application carries."""
 _ARMED = 128
 """MAV_MODE_FLAG_SAFETY_ARMED."""
 _ACCEPTED, _IN_PROGRESS = 0, 5
@@ -59,16 +59,16 @@ _RESULTS = ("accepted", "TEMPORARILY_REJECTED", "DENIED", "UNSUPPORTED", "FAILED
 
 
 class Answer(NamedTuple):
-    """What the autopilot has said to a kind of order."""
+    """The autopilot's answers to one kind of command."""
 
     number: int = 0
     """Answers so far."""
     result: int = _ACCEPTED
-    """Of the last."""
+    """Result of the last answer."""
 
     @property
     def accepted(self) -> bool:
-        """Whether it does what it was asked for."""
+        """Whether the command was accepted."""
         return self.result in (_ACCEPTED, _IN_PROGRESS)
 
     @property
@@ -115,16 +115,16 @@ class Vehicle:
 
     @property
     def ignored(self) -> str:
-        """What the link ignored because it was not the autopilot's; empty where nothing was."""
+        """Describe ignored messages that were not the autopilot's; empty without any."""
         return self._link.guard.offences if self._link is not None else ""
 
     def take_notices(self) -> tuple[str, ...]:
-        """Return what the link has to tell since the last call."""
+        """Return the link's new notices since the last call."""
         return self._link.guard.take_notices() if self._link is not None else ()
 
     @property
     def strangers(self) -> int:
-        """Datagrams that came from elsewhere than the autopilot's address."""
+        """Number of datagrams from other addresses than the autopilot's."""
         return self._link.guard.ignored[Ignored.STRANGER] if self._link is not None else 0
 
     def discover(self) -> bool:
@@ -176,7 +176,8 @@ class Vehicle:
         self._mavsdk.destroy()
 
     def _pass_on(self, frames: bytes) -> None:
-        """Hand MAVSDK what the link has let in, unless it is behind: what is old by then is better lost."""
+        """Pass accepted datagrams to MAVSDK; drop them if it is behind, because they would be old on
+        delivery."""
         heartbeats = sum(packet.message == HEARTBEAT for packet in split(frames))
         if self._backlog.takes(heartbeats, time.monotonic()):
             self._mavsdk.pass_received_raw_bytes(frames)
@@ -218,7 +219,7 @@ class Vehicle:
         )
 
     def _hear(self, **news: Any) -> None:
-        """Replace the snapshot; MAVSDK calls from one thread only, so no news is lost."""
+        """Replace the snapshot; MAVSDK calls from one thread only, so no update is lost."""
         self.heard = replace(self.heard, **news)
 
     def _on_position(self, data: Any, _: Any) -> None:
@@ -251,7 +252,7 @@ class Vehicle:
         self._on_mode(mode)
 
     def _on_extended_sys_state(self, told: dict[str, Any]) -> None:
-        with contextlib.suppress(ValueError):  # a number that means nothing changes nothing
+        with contextlib.suppress(ValueError):  # an invalid number changes nothing
             self._hear(landed=Landed(told["landed_state"]))
 
     def _on_answer(self, told: dict[str, Any]) -> None:

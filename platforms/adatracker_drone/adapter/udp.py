@@ -1,6 +1,6 @@
-"""A MAVLink link over UDP that this side owns, so that it can choose whom it listens to, and sign.
+"""A MAVLink link over UDP owned by this side, so that it can filter senders and sign.
 
-MAVSDK's own UDP takes whatever reaches its port from anywhere, and signs nothing.
+MAVSDK's own UDP accepts anything from anywhere, and signs nothing.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ _MOST_AT_ONCE = 64
 _MOST_QUEUED = 4096
 """Datagrams that a queue is emptied of when the autopilot gets another."""
 _STRANGERS_S = 0.02
-"""Between two looks at what strangers sent: their flood costs a few per cent of a core, not all of it."""
+"""Interval between reads of unknown senders' datagrams: their flood then costs a few per cent of a core."""
 
 
 class UdpLink:
     """One link, to one autopilot.
 
-    Once the autopilot is known its datagrams come to a socket of their own, which the kernel lets nobody else
-    into: a stranger's flood fills another queue, whose overflow the kernel drops uncounted.
+    Once the autopilot is known it has its own connected socket, to which the kernel admits nobody else: a
+    flood from others fills another queue, whose overflow the kernel drops uncounted.
 
     Args:
         address: to bind, or to dial.
@@ -62,7 +62,7 @@ class UdpLink:
         self._signer = signer
         self._hear = hear
         self._unix_ns = time.time_ns() - time.monotonic_ns()
-        """A clock that is set while the link is up must not make signatures stale."""
+        """Offset to Unix time, fixed so that setting the clock cannot make signatures stale."""
         self._sending = threading.Lock()
         self._closed = False
         self._strangers_s = 0.0
@@ -78,7 +78,7 @@ class UdpLink:
         self._thread.start()
 
     def send(self, frame: bytes) -> None:
-        """Send one frame to the autopilot, from any thread; nobody hears it before the autopilot is known."""
+        """Send one frame to the autopilot, from any thread; nothing is sent before the autopilot is known."""
         with self._sending:
             if self._spoken_to is None or self._closed:
                 return

@@ -1,4 +1,4 @@
-"""What a PX4 vehicle said last, as a frozen snapshot, and how its modes are named. Pure."""
+"""A PX4 vehicle's newest telemetry as a frozen snapshot, and its mode names. Pure."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Landed(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class VehicleState:
-    """What the vehicle said last; times are the run's clock at receipt, ns, 0 before the first message."""
+    """The newest telemetry; times are the run's clock at receipt, ns, 0 before the first message."""
 
     position_t_ns: int = 0
     position_ned_m: tuple[float, float, float] | None = None

@@ -1,4 +1,4 @@
-"""How the drone is reached and flown: the profile's ``connection:`` section."""
+"""The profile's ``connection:`` section: how the drone is reached and flown."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Connection:
     url: str = "udpin://127.0.0.1:14540"
     """As MAVSDK takes it, with numeric addresses."""
     system_id: Annotated[int, Range(1, 255)] = 1
-    """Of the vehicle to fly (its MAV_SYS_ID); any other on the same link is left alone."""
+    """MAV_SYS_ID of the vehicle to fly; any other on the same link is ignored."""
     signing_key: str = ""
     """A file of 32 secret bytes, mode 0600, that the autopilot has too: then every packet is signed, and none
     without a valid signature is listened to. Empty signs nothing. Only where `url` is UDP."""

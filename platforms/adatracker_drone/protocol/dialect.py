@@ -1,4 +1,4 @@
-"""MAVLink messages that PX4 sends and pymavlink's common dialect does not know yet."""
+"""MAVLink messages of PX4 that pymavlink's common dialect lacks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What PX4's events mean (EVENT, message 410): why arming or a mode was refused. Pure.
+"""Decodes PX4's events (EVENT, message 410): why arming or a mode was refused. Pure.
 
 To a companion computer PX4 sends numbers, and texts (STATUSTEXT) to ground stations alone. A number is made
 from the event's name in PX4's source (`events.h`): the lower 24 bits of its FNV-1a hash, and 1 above them for

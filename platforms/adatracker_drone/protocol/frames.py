@@ -1,4 +1,4 @@
-"""PX4's and JSBSim's frames to REP 103's and back: here and nowhere else.
+"""Converts between the frames of PX4 and JSBSim and those of REP 103; no other module does.
 
 Axes: (north, east, down) is (east, north, up) = (e, n, -d); (forward, right, down) is (forward, left, up) =
 (f, -r, -d). Attitudes: roll is the same; pitch changes sign (positive is nose up in PX4, nose down in

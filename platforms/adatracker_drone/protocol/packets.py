@@ -1,4 +1,4 @@
-"""MAVLink's frames as bytes: where one ends, who sent it, whether it is whole, and its signature. Pure.
+"""Splits, checks, packs and signs MAVLink frames. Pure.
 
 From MAVLink's guide, "Packet Serialization" and "Message Signing". No message is decoded here.
 """
@@ -14,7 +14,7 @@ KEY_BYTES = 32
 SIGNATURE_BYTES = 13
 """Link id, 6 bytes of time, and the first 6 bytes of a SHA-256."""
 TICK_NS = 10_000
-"""Of a signature's time, which counts from the start of 2015, UTC."""
+"""Tick of a signature's time, which counts from the start of 2015, UTC."""
 EPOCH_2015_NS = 1_420_070_400_000_000_000
 HEARTBEAT, EVENT, CURRENT_MODE = 0, 410, 436
 """Message ids."""

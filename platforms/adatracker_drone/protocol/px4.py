@@ -1,4 +1,4 @@
-"""PX4's flight modes, and how a command can be answered.
+"""PX4's flight modes and command results.
 
 From PX4 v1.16 (`px4_custom_mode.h`, Commander) and MAVLink's common.xml.
 """

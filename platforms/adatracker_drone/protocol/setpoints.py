@@ -1,4 +1,4 @@
-"""What goes over the drone's wire, as functions of values: addresses, set-points, altitude hold.
+"""Addresses, set-points and altitude hold, as pure functions.
 
 It does no I/O and takes time as an argument. Poses are turned by `frames`, velocities here.
 """

@@ -1,4 +1,4 @@
-"""The secret that both ends of a MAVLink link share, and what is believed and said with it."""
+"""MAVLink message signing with a key shared by both ends."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def read_key(path: str) -> bytes:
 
 
 class Signer:
-    """Signs what goes out and judges what comes in; time comes in as an argument."""
+    """Signs outgoing and verifies incoming frames; time is an argument."""
 
     def __init__(self, key: bytes) -> None:
         self._key = key
@@ -56,9 +56,9 @@ class Signer:
         return sign(frame, self._key, _LINK, self._sent)
 
     def believes(self, packet: Packet, unix_ns: int) -> bool:
-        """Tell whether a packet was made with the key, and neither heard before nor recorded long ago.
+        """Return whether a packet was signed with the key and is neither repeated nor old.
 
-        A packet that is not believed changes nothing: a forged time cannot lock the true sender out.
+        A rejected packet changes nothing: a forged time cannot lock the true sender out.
         """
         if not packet.signed or not is_signed_with(packet, self._key):
             return False

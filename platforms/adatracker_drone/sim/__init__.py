@@ -1,1 +1,1 @@
-"""The simulated robot behind the wire."""
+"""The simulated drone, reached over its real protocol."""

@@ -1,8 +1,8 @@
-"""A simulated PX4 on the wire: what it answers to MAVLink messages, and where it flies.
+"""A simulated PX4: answers MAVLink messages and flies the vehicle.
 
 Pure: decoded messages, the vehicle's true motion and the time go in; messages and a velocity demand come out.
-`commander` decides on arming and modes, `navigator` where a mode goes, `streams` what is told and when,
-`services` answers what has nothing to do with flight.
+`commander` decides on arming and modes, `navigator` where a mode flies, `streams` what is sent and when;
+`services` answers requests unrelated to flight.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ _FRAMES = {
     mavlink.MAV_FRAME_BODY_NED: True,
     mavlink.MAV_FRAME_BODY_FRD: True,
 }
-"""Of set-points, and whether they turn with the heading."""
+"""Frames of set-points, and whether they turn with the heading."""
 
 
 class Identity(NamedTuple):
-    """Who a vehicle is on the wire."""
+    """A vehicle's identity in MAVLink."""
 
     system: int = 1
     """MAV_SYS_ID."""
@@ -102,8 +102,8 @@ class Autopilot:
     def step(self, truth: Motion, now_s: float) -> Velocity:
         """Judge the situation at `now_s` since power-on; return the velocity to fly.
 
-        The demand is made from the estimate and then put right by its error: a controller that holds what it
-        believes to be a velocity really flies that velocity less the error of its belief.
+        The demand is made from the estimate and then corrected by its error: a controller that holds an
+        estimated velocity really flies that velocity less the estimation error.
         """
         dt_s, self._now_s = now_s - self._now_s, now_s
         self._estimate = self._estimator.measure(truth, dt_s)
@@ -144,7 +144,8 @@ class Autopilot:
         return messages
 
     def farewell(self) -> list[Message]:
-        """Return the last words before power goes off: that it rests would else be told at 1 Hz."""
+        """Return the final messages before power-off, which would otherwise report the landing at only 1
+        Hz."""
         self._tell(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
         self._tell(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE)
         return self.transmit()

@@ -1,4 +1,4 @@
-"""Who may fly, and in which mode: arming, mode requests, the offboard rules, the fail-safe. PX4's Commander.
+"""PX4's Commander: arming, mode requests, the offboard rules, the fail-safe.
 
 Time is the vehicle's, in seconds since power-on. Loss times are wall seconds, as in PX4's simulator: at five
 times real time COM_OF_LOSS_T lasts five times as long in simulated time.
@@ -40,7 +40,7 @@ _STATUS_S = 0.5
 
 
 class Said(NamedTuple):
-    """What is told to people: as a text, and as an event by its name."""
+    """A message for people: a text, and an event by its name."""
 
     severity: Severity
     text: str
@@ -73,9 +73,9 @@ class Commander:
         self.mode = Mode.HOLD
         """The mode that flies now."""
         self.failsafe = False
-        """The fail-safe, not the user, chose the mode."""
+        """Whether the fail-safe, not the user, chose the mode."""
         self.landed = True
-        """As the land detector has it: no more from the moment the thrust ramps up, on the ground still."""
+        """The land detector's state: False from the moment the thrust ramps up, still on the ground."""
         self.lifts = False
         """The ramp is over: the motors follow the demand."""
         self.said: deque[Said] = deque(maxlen=32)

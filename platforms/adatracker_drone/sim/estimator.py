@@ -1,4 +1,4 @@
-"""What the vehicle believes of its own motion: the truth with an error that comes and goes, and with noise.
+"""The vehicle's state estimate: ground truth plus a slowly varying error and noise.
 
 A real estimator's velocity is off by a slowly changing amount, and a vehicle that is flown by velocity alone
 drifts by it. Part of it is constant here and drawn from the seed, so that every rehearsal shows the drift.

@@ -1,4 +1,4 @@
-"""What a stranger, or an autopilot gone mad, might say on a MAVLink link: for tests and benchmarks. Pure."""
+"""Fuzzing: random and malformed MAVLink datagrams for tests and benchmarks. Pure."""
 
 from __future__ import annotations
 

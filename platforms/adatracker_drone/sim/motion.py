@@ -1,4 +1,4 @@
-"""How the vehicle moves, in the frames of flight dynamics and PX4: north-east-down, forward-right-down."""
+"""The vehicle's motion in the frames of flight dynamics and PX4: north-east-down, forward-right-down."""
 
 from __future__ import annotations
 

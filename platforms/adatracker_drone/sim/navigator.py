@@ -1,4 +1,4 @@
-"""Where each flight mode wants to go: a velocity demand from the mode, the vehicle's motion and a set-point.
+"""PX4's navigator: a velocity demand from the flight mode, the vehicle's motion and a set-point.
 
 The speeds are PX4's parameters; the position loop's gains are those of its mc_pos_control.
 """

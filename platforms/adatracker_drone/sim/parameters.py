@@ -1,4 +1,4 @@
-"""PX4's parameters: a table of those that matter here, their values, and how they travel in MAVLink.
+"""PX4's parameters that matter here: table, values and MAVLink encoding.
 
 Types, defaults and ranges are from the parameter reference of PX4 v1.16.
 """

@@ -1,4 +1,4 @@
-"""MAVLink's services that have nothing to do with flight: parameters, the mission list, ping, time."""
+"""MAVLink services unrelated to flight: parameters, the mission list, ping, time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the simulator is like: the profile's ``sitl:`` section. Needs no simulator to be imported."""
+"""The simulator's settings: the profile's ``sitl:`` section. Importable without the simulator."""
 
 from __future__ import annotations
 

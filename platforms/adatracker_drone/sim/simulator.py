@@ -1,4 +1,4 @@
-"""Inside the simulator: a body and its autopilot, stepped together on the shared clock, and their links."""
+"""The simulator's main loop: steps a body and its autopilot on the shared clock, and serves their links."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ BATCH_S = 0.004
 LONGEST_LAG_S = 0.25
 """A process that was kept from running for longer skips the time instead of rushing through it."""
 LINGER_S = 60.0
-"""After its lifeline has ended the vehicle has so long, in machine time, to come to rest."""
+"""Machine time that the vehicle has to come to rest after its parent process has ended."""
 _LOW_BATTERY = 0.05
 _MOST_DATAGRAMS = 200
-"""Read at one look: a flood must not keep the vehicle from being flown."""
+"""Largest number read at once: a flood must not keep the vehicle from being flown."""
 
 
 class Wire:
-    """One UDP link, which sends to and hears one address alone.
+    """One UDP link, to and from one address only.
 
     Args:
         address: that one.
@@ -104,8 +104,8 @@ class Simulator:
             speed: times real time; see `Autopilot`.
             addresses: where each link sends.
             key: with which all of them are signed; None signs nothing.
-            orders: what shall go wrong while it runs, and who is told of it. All links but the first, which
-                are for ground stations, stay whole.
+            orders: fault commands, and where they are reported. All links but the first, which are for ground
+                stations, stay free of faults.
             identity: who it is.
 
         Raises:
@@ -125,7 +125,7 @@ class Simulator:
         return int(self._wires[0].socket.getsockname()[1])
 
     def serve(self, clock: Clock, lifeline_ended: threading.Event) -> None:
-        """Run until the lifeline has ended and the vehicle rests, or `LINGER_S` after that end."""
+        """Run until the parent process has ended and the vehicle rests, or `LINGER_S` after that end."""
         power_on_ns = deadline_ns = clock.now_ns()
         batch_ns = round(max(BATCH_S * clock.speed, STEP_S) * 1e9)
         give_up_s = math.inf

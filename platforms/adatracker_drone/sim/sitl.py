@@ -1,14 +1,14 @@
-"""The simulator: a JSBSim quadrotor behind PX4's dialect of MAVLink, in a process of its own.
+"""The simulator process: a JSBSim quadrotor that speaks PX4's MAVLink.
 
-``DroneSitl`` starts it for a rehearsal. By hand, for a ground station or a script of one's own::
+``DroneSitl`` starts it for a rehearsal. By hand, for a ground station or your own script::
 
     python -m adatracker_drone.sim.sitl --port 14540 --gcs udpout:127.0.0.1:14550
 
 It sends to the given UDP port of this machine from a port of its own, as PX4's simulator does.
 
-A rehearsal reaches nothing else. Both ports are new and the kernel's choice, whatever the profile says; each
-end hears and speaks to the other's port alone from the start; and the simulator has a uid that was drawn for
-this run, without which the adapter arms nothing. Whoever else is heard on the link ends the rehearsal.
+A rehearsal cannot reach anything else. The kernel chooses both ports, whatever the profile says; each end
+talks only to the other's port; and the simulator has a random uid for this run, without which the adapter
+arms nothing. Any other sender on the link ends the rehearsal.
 """
 
 from __future__ import annotations
@@ -49,15 +49,15 @@ if TYPE_CHECKING:
 STOP_TIMEOUT_S = 65.0
 """The simulator gives up on coming to rest a little sooner by itself (`simulator.LINGER_S`)."""
 UID_BYTES = 18
-"""Of AUTOPILOT_VERSION, uid2."""
+"""Length of uid2 in AUTOPILOT_VERSION."""
 _GCS = re.compile(r"udpout:([0-9.]+):(\d+)")
 
 
 class DroneSitl(Sitl):
-    """Starts the simulator on a link of its own; the profile's ``connection.url`` is not used."""
+    """Starts the simulator on its own link; the profile's ``connection.url`` is not used."""
 
     faults = (LINK_DROP, ROBOT_SILENT, BATTERY_LOW, TAKEOVER)
-    """Its camera is drawn in the tracker, and freezes there."""
+    """The faults it supports; its camera is rendered in the tracker, and freezes there."""
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
@@ -93,14 +93,14 @@ class DroneSitl(Sitl):
         return dataclasses.replace(self._profile, connection=connection, camera=camera)
 
     def close(self) -> None:
-        """End the lifeline and wait: the process ends once the vehicle has landed, or after a minute.
+        """Tell the process to end and wait: it ends once the vehicle has landed, or after a minute.
 
         Nothing takes command here: a vehicle still in the air lands by its link or by its own fail-safe.
         """
         self._process.close()
 
     def order(self, line: str) -> None:
-        """Pass an order on to the simulator."""
+        """Send a command to the simulator."""
         self._process.order(line)
 
 

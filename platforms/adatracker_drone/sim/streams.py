@@ -1,4 +1,4 @@
-"""The messages that a PX4 vehicle sends by itself: which, and when each is next due."""
+"""The telemetry streams of a PX4 vehicle: messages, rates and due times."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a PX4 vehicle tells of itself: each message, made from one instant."""
+"""Builds a PX4 vehicle's telemetry messages from one instant."""
 
 from __future__ import annotations
 

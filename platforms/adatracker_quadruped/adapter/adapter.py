@@ -1,4 +1,4 @@
-"""The quadruped's adapter: body velocities to a robot that speaks ROS 2 over Zenoh."""
+"""The quadruped's adapter: sends body velocities to a robot that speaks ROS 2 over Zenoh."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ _LONGEST_REASON = 95
 class QuadrupedAdapter(Platform):
     """A walking robot behind Zenoh.
 
-    Such a robot has nothing to switch on: to engage is to be sure that it listens and is heard. A stop
-    latches here, beside the robot's own time-out: a link that comes back moves nothing.
+    Such a robot has nothing to enable: engaging checks that it listens and is heard. A stop latches here, in
+    addition to the robot's own time-out: a connection that comes back moves nothing.
     """
 
     name = "quadruped"
@@ -54,19 +54,19 @@ class QuadrupedAdapter(Platform):
         self._opening = threading.Lock()
         """Held while the wire is opened, tried or closed."""
         self._steering = threading.Lock()
-        """Held for one command at a time: none goes out after the stop that forbids it."""
+        """Held for one command at a time, so that none is sent after a stop."""
         self._wire: Wire | None = None
         self._engaged = False
         self._in_charge = False
-        """Engaged since the last disengage: only then is the robot ours to stop."""
+        """Engaged since the last disengage; only then may this side stop the robot."""
         self._stopped = ""
         self._stops = 0
-        """How often a stop was asked for, whether or not there was anything to stop."""
+        """Number of stop requests, whether or not there was anything to stop."""
         self._suspends = SuspendWatch(clock)
         self._sent_ns = 0
         """When the newest command was made; 0 since the last engage."""
         self._told = 0
-        """Malformed messages, when they were last told of."""
+        """Number of malformed messages at the last notice."""
 
     def connect(self) -> None:
         """Dial the robot and wait for its odometry; moves nothing.
@@ -92,7 +92,7 @@ class QuadrupedAdapter(Platform):
             self._wire = wire
 
     def preflight(self) -> tuple[Check, ...]:
-        """Listen for half a second, two at most, and judge what was heard."""
+        """Listen for half a second, at most two, and check what was heard."""
         carries_camera = self.profile.camera.uri.startswith(ROBOT)
         camera_key = Keys(with_camera(self.profile)).camera if carries_camera else ""
         with self._opening:
@@ -148,7 +148,7 @@ class QuadrupedAdapter(Platform):
             return sent
 
     def state(self) -> PlatformState:
-        """Return what odometry and battery said last; the pose is in the robot's odometry frame."""
+        """Return the newest odometry and battery state; the pose is in the robot's odometry frame."""
         wire, engaged, stopped = self._wire, self._engaged, self._stopped[:_LONGEST_REASON]
         reading = wire.watch.odometry.newest if wire is not None else None
         if wire is None or reading is None:
@@ -170,7 +170,7 @@ class QuadrupedAdapter(Platform):
         return while_told(reading.value, reading.t_ns, self.clock, self._connection.battery_timeout_s)
 
     def notices(self) -> tuple[str, ...]:
-        """Tell of messages of the robot's that could not be believed."""
+        """Return notices about malformed messages from the robot."""
         wire = self._wire
         count = wire.watch.dropped if wire is not None else 0
         told, self._told = self._told, count
@@ -206,7 +206,7 @@ class QuadrupedAdapter(Platform):
             )
 
     def close(self) -> None:
-        """Let the robot stand, let the token go and close the session; waits for nothing."""
+        """Make the robot stand, drop the token and close the session; does not wait."""
         self._give_back()
         with self._opening:
             with self._steering:
@@ -234,7 +234,7 @@ class QuadrupedAdapter(Platform):
         return "" if wire.commander.matched else f"nobody subscribes to {wire.commander.key}"
 
     def _pause(self, now_ns: int) -> str:
-        """Say that the robot has stopped for want of commands: the next one must not set it going again."""
+        """Latch a stop after the robot has timed out, so that the next command does not restart it."""
         paused_s = (now_ns - self._sent_ns) / 1e9 / self.clock.speed if self._sent_ns else 0.0
         over = paused_s > self._connection.command_timeout_s
         return f"no command for {paused_s:.2f} s: the robot has stopped by itself" if over else ""
@@ -246,7 +246,8 @@ class QuadrupedAdapter(Platform):
             self._engaged = False
 
     def _give_back(self) -> Wire | None:
-        """Tell the robot to stand and leave it alone; return its wire, None where it was not ours to stop."""
+        """Make the robot stand and give up control; return its connection, None if it was not in our
+        charge."""
         self._withdraw("")
         wire = self._wire
         if wire is None or not self._in_charge:
@@ -259,7 +260,7 @@ class QuadrupedAdapter(Platform):
         return wire
 
     def _may_stop(self, wire: Wire) -> bool:
-        """Tell whether nobody engaged again or closed meanwhile."""
+        """Return whether nobody engaged again or closed meanwhile."""
         return not self._engaged and self._wire is wire
 
     def _send_zeros(self, wire: Wire) -> None:

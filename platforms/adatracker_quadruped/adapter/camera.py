@@ -1,7 +1,7 @@
-"""The robot's own camera: sensor_msgs/CompressedImage over Zenoh, the newest image alone.
+"""The robot's own camera: sensor_msgs/CompressedImage over Zenoh; keeps only the newest image.
 
-It has a session of its own, for it lives in the tracker's process. A rehearsal's robot says by a token that
-it is one; then, and only then, each image is paired with the truth of the same stamp.
+It has its own session, because it runs in the tracker's process. A simulated robot identifies itself by a
+token; only then is each image paired with the ground truth of the same stamp.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Commands on their way out: a velocity in whatever message this robot takes."""
+"""Command publisher: sends velocities as the message type that the robot takes."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Commander:
             self._outlet.put(payload, stamp_ns)
 
     def stand(self, stamp_ns: int) -> None:
-        """Say that no command will follow: StopMove where there is one, another zero where not."""
+        """Announce that no command will follow: StopMove if supported, else another zero."""
         if self._connection.command == "unitree_sport":
             if self._meant():
                 self._outlet.put(sport.encode_stop(request_id=stamp_ns), stamp_ns)

@@ -1,4 +1,4 @@
-"""Who walks the robot, among all the hosts that reach its router: one at a time, by liveliness tokens.
+"""Lease: one host at a time controls the robot, by liveliness tokens at its router.
 
 ``TOKEN``            is declared by the owner alone: a robot that watches it stops when its owner dies.
 ``TOKEN/claim/ZID``  is declared by whoever would like to own it, *before* anybody looks.
@@ -23,16 +23,16 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 SETTLE_S = 0.3
-"""Longer than a token's way to another host, and than that of one that has just left."""
+"""Longer than a token, or its removal, takes to reach another host."""
 _POLL_S = 0.02
 _LATE_S = 0.1
-"""Whoever was kept from looking for longer looks for the whole time again."""
+"""After a longer delay between looks, the whole settling time starts again."""
 _MOST_OTHERS = 64
-"""A stranger who invents tokens must not fill the memory."""
+"""Cap on tokens: invented ones must not fill the memory."""
 
 
 class Lease:
-    """One host's share in the robot.
+    """One host's lease on the robot.
 
     Args:
         session: of this host; its tokens end with it.
@@ -53,11 +53,12 @@ class Lease:
 
     @property
     def owned(self) -> bool:
-        """This host owns the robot, as far as it has looked."""
+        """Whether this host owns the robot, as far as it has looked."""
         return bool(self._held)
 
     def take(self, given_up: Callable[[], bool] = lambda: False) -> bool:
-        """Return whether this host owns the robot, which takes `SETTLE_S` to find out if it does not yet.
+        """Try to take the lease; return whether this host owns it. Takes `SETTLE_S` if it does not own it
+        yet.
 
         Args:
             given_up: looked at meanwhile; nobody wants to own the robot any more when it says so.
@@ -75,7 +76,7 @@ class Lease:
             claim.undeclare()
 
     def lost(self) -> str:
-        """Say that another owner has come up to whom this one yields; empty while there is none."""
+        """Describe another owner to whom this host yields; empty without one."""
         if not self.owned:
             return f"another host holds {self._token}"
         others = self._look()
@@ -83,7 +84,7 @@ class Lease:
         return f"another host owns {self._token} too" if min(rivals, default="~") < self._key("owner") else ""
 
     def release(self) -> None:
-        """Let the robot and everybody else know that this host does not own it any more."""
+        """Release the lease; the robot and all other hosts are notified."""
         with self._lock:
             held, self._held = self._held, []
         for token in reversed(held):
@@ -104,7 +105,7 @@ class Lease:
         return True
 
     def _outranked(self) -> bool:
-        """Tell whether somebody owns the robot, or claims it with a smaller id."""
+        """Return whether somebody else owns the robot, or claims it with a smaller id."""
         others = self._look()
         owned = any(key == self._token or key.startswith(f"{self._token}/owner/") for key in others)
         claims = (key for key in others if key.startswith(f"{self._token}/claim/"))

@@ -1,4 +1,4 @@
-"""What is heard of the robot, and whether it may still be walked."""
+"""Monitors the robot's telemetry, and whether it may still be driven."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ class _Stamped(Protocol):
 S = TypeVar("S", bound=_Stamped)
 
 UNSETTLED_S = 1.0
-"""Machine time after the driver has begun again during which its odometry is not trusted."""
+"""Machine time after a restart of the driver during which its odometry is not trusted."""
 _MOST_TOKENS = 64
-"""A stranger who invents tokens must not fill the memory."""
+"""Cap on tokens: invented ones must not fill the memory."""
 
 
 class RobotMonitor:
-    """Listens to the robot for as long as its session lives."""
+    """Monitors the robot as long as its session is open."""
 
     def __init__(self, session: zenoh.Session, connection: Connection, clock: Clock) -> None:
         keys = Keys(connection)
@@ -64,7 +64,7 @@ class RobotMonitor:
 
     @property
     def dropped(self) -> int:
-        """Messages that were not what they should be, on every key."""
+        """Number of malformed messages, on all keys."""
         return sum(tap.dropped for tap in (self.odometry, self.imu, self.battery) if tap is not None)
 
     def odometry_age_s(self) -> float:
@@ -73,11 +73,11 @@ class RobotMonitor:
         return (self._clock.now_ns() - newest.t_ns) / 1e9 / self._clock.speed if newest else math.inf
 
     def meant(self) -> bool:
-        """Tell whether this is the robot that is meant: in a rehearsal only the one that it has started."""
+        """Return whether this is the right robot; in a rehearsal only the one that it has started is."""
         return self._rehearsal is None or self._rehearsal.alive()
 
     def trouble(self) -> str:
-        """Say why the robot must not be walked any further; empty while it may."""
+        """Return why the robot must not be driven any further; empty while it may."""
         if not self.meant():
             return "the robot is gone: the simulated one that this rehearsal has started is not there"
         if self._tokens is not None and not self._tokens.alive():
@@ -96,7 +96,7 @@ class RobotMonitor:
 
 
 def _decode_turned(payload: bytes) -> Odometry:
-    """Read odometry whose velocity is in its own frame: the one place where that is put right."""
+    """Decode odometry with its velocity in the odometry frame; the only place where that is converted."""
     return in_body(decode_odometry(payload))
 
 
@@ -122,7 +122,7 @@ class _Tokens:
 
 
 class Fresh(Generic[S]):
-    """Decodes what is newer than all before it: a driver that repeats itself measures nothing.
+    """Decodes only messages newer than all before: a repeated message is not a new measurement.
 
     Args:
         decode: returns the message in a payload, or raises ValueError.

@@ -1,4 +1,4 @@
-"""What must hold before a quadruped is walked, judged from what was heard of it. Pure."""
+"""Preflight checks of the quadruped, from its telemetry. Pure."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from adatracker_quadruped.protocol.connection import Connection
 
 LARGEST_TILT_DEG = 30.0
-"""A robot that leans further lies, or stands on a slope that it cannot be stopped on."""
+"""Largest tilt; beyond it the robot lies down, or stands on a slope too steep to stop on."""
 LEAST_IN_TIMEOUT = 3
 """Messages of odometry within its time-out: with fewer, one that is lost stops the robot."""
 LONGEST_TIMEOUT_S = 1.0
@@ -21,7 +21,7 @@ LONGEST_TIMEOUT_S = 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotTelemetry:
-    """What a preflight has found."""
+    """Telemetry gathered by a preflight."""
 
     command_key: str
     matched: bool
@@ -29,7 +29,7 @@ class RobotTelemetry:
     has_rival: bool
     """Another host holds the token."""
     trouble: str
-    """What `watch.RobotMonitor.trouble` says."""
+    """Result of `monitor.RobotMonitor.trouble`."""
     odometry_hz: float
     attitude: tuple[float, float, float] | None
     """Roll, pitch and yaw, rad, from the IMU, or from the odometry where there is no IMU topic."""
@@ -43,7 +43,7 @@ class RobotTelemetry:
 
 
 def judge(heard: RobotTelemetry, connection: Connection) -> tuple[Check, ...]:
-    """Return every check, the ones that pass too."""
+    """Return all checks, including those that pass."""
     checks = (
         _commands(heard),
         _lease(heard, connection),

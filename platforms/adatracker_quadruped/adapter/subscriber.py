@@ -1,7 +1,7 @@
-"""The newest good message on one key, with the time at which it came.
+"""Subscriber: keeps the newest valid message on one key, with its reception time.
 
-A tap's thread waits on its own channel, so a message's age is right whether or not anybody looks. The thread
-ends when the session is closed, which is the one thing that a closed channel reports.
+Each subscriber's thread waits on its own channel, so a message's age is right whether or not anybody reads
+it. The thread ends when the session is closed.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ class Reading(Generic[T]):
 
     value: T
     t_ns: int
-    """Of its reception, by the run's clock."""
+    """Reception time, by the run's clock."""
     count: int
-    """Good messages so far, this one included."""
+    """Number of valid messages so far, including this one."""
 
 
 class Subscriber(Generic[T]):
-    """Listens on one key; what comes while a message is being decoded is replaced by what comes after it.
+    """Subscribes to one key; of the messages that arrive during decoding only the newest is kept.
 
     Args:
-        session: the tap ends with it.
+        session: the subscriber ends with it.
         key: without wildcards.
         decode: returns the message in a payload, or raises ValueError: it is then dropped and counted.
         clock: the run's.
@@ -56,7 +56,7 @@ class Subscriber(Generic[T]):
         self._cap_bytes = cap_bytes
         self.newest: Reading[T] | None = None
         self.dropped = 0
-        """Messages that were not what they should be."""
+        """Number of malformed messages."""
         self._thread = threading.Thread(target=self._run, name=f"tap {key}", daemon=True)
         self._thread.start()
 

@@ -1,4 +1,4 @@
-"""Listens to a robot for as long as it takes to judge it."""
+"""Preflight probe: listens to a robot long enough to check it."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ if TYPE_CHECKING:
     from adatracker_quadruped.adapter.transport import Wire
 
 _LISTEN_S = 0.5
-"""How long the odometry is counted at least."""
+"""Shortest time over which odometry is counted."""
 _COMPLETE_S = 2.0
-"""How long a charge, which is told once a second, an attitude and an image are waited for at most."""
+"""Longest wait for a battery charge (sent once a second), an attitude and an image."""
 _POLL_S = 0.01
 
 
 def survey(wire: Wire, camera_key: str) -> RobotTelemetry:
-    """Return what is heard within two seconds, in half a second if everything is.
+    """Return what is received within two seconds, or half a second if everything has arrived.
 
     Args:
         wire: open.
-        camera_key: where an image is listened for; empty for nowhere.
+        camera_key: key of the images; empty for none.
     """
     watch = wire.watch
     taps = [tap for tap in (watch.odometry, watch.imu, watch.battery) if tap is not None]
@@ -49,7 +49,7 @@ def survey(wire: Wire, camera_key: str) -> RobotTelemetry:
 
 
 def until(condition: Callable[[], bool], deadline_s: float) -> bool:
-    """Wait for a condition until a time of `time.monotonic`; return whether it came to hold."""
+    """Wait for a condition until a deadline of `time.monotonic`; return whether it was met."""
     while not condition():
         if time.monotonic() > deadline_s:
             return False

@@ -1,4 +1,4 @@
-"""One open connection to a robot: a session, what is heard, what is sent, and the token that says we live."""
+"""One open connection to a robot: session, monitor, command publisher and this host's liveliness token."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 _POLL_S = 0.02
 _ANSWER_S = 0.3
-"""For a router to say which tokens there are."""
+"""Time for a router to report its tokens."""
 
 
 class Wire:
@@ -51,10 +51,10 @@ class Wire:
             self._session.close()
             self._claim.close()
             raise
-        atexit.register(self.close)  # an interpreter that ends under a waiting tap aborts
+        atexit.register(self.close)  # ending the interpreter under a waiting subscriber aborts
 
     def hears(self, key: str, timeout_s: float) -> bool:
-        """Wait, so long at most, for anything on a key."""
+        """Wait, up to a time-out, for any message on a key."""
         deadline_s = time.monotonic() + timeout_s
         subscriber = self._session.declare_subscriber(key, zenoh.handlers.RingChannel(1))
         try:
@@ -67,7 +67,8 @@ class Wire:
             subscriber.undeclare()
 
     def close(self) -> None:
-        """Let the token go, which stops a robot that watches it; close the session; wait for the taps."""
+        """Drop the token, which stops a robot that monitors it; close the session; wait for the
+        subscribers."""
         atexit.unregister(self.close)
         self.lease.release()
         self._session.close()

@@ -1,4 +1,4 @@
-"""Which topic a robot's images come on: the one after ``robot://``, or the connection's."""
+"""Determines the robot's image topic: the one after ``robot://``, or the connection's."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""CDR, the bytes of every ROS 2 message here: one store of types, one encoder, one guarded decoder.
+"""CDR serialisation of ROS 2 messages: one type store, one encoder, one hardened decoder.
 
-It does no I/O. What the messages mean is in `messages` and `sport`.
+It does no I/O. `messages` and `sport` interpret the messages.
 """
 
 from __future__ import annotations
@@ -51,5 +51,5 @@ def decode(payload: bytes, type_name: str, cap_bytes: int = SMALL_CAP_BYTES) -> 
         raise Malformed(f"{type_name}: {len(payload)} bytes are more than {cap_bytes}")
     try:
         return STORE.deserialize_cdr(memoryview(payload), type_name)  # which slices: a view copies nothing
-    except Exception as error:  # whatever a stranger's bytes make the generated decoder raise
+    except Exception as error:  # whatever malformed bytes make the generated decoder raise
         raise Malformed(f"{type_name}: {error}") from error

@@ -1,4 +1,4 @@
-"""How the quadruped is reached and commanded: the profile's ``connection:`` section."""
+"""The profile's ``connection:`` section: how the quadruped is reached and commanded."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where each message goes: the Zenoh keys of ROS 2 topics in both dialects, and rmw_zenoh's attachment.
+"""Zenoh keys of ROS 2 topics in both dialects, and rmw_zenoh's attachment.
 
 zenoh-bridge-ros2dds uses the topic's name alone. rmw_zenoh puts the domain before it and behind it the type's
 DDS name and RIHS01 hash (REP 2016), as its ``liveliness_utils.cpp`` does.
@@ -39,27 +39,27 @@ class Keys:
 
     @property
     def command(self) -> str:
-        """Of the commands, in the type that the connection names."""
+        """Key of the commands, of the connection's message type."""
         return self._key(self.connection.command_topic, _COMMAND_TYPES[self.connection.command])
 
     @property
     def odometry(self) -> str:
-        """Of nav_msgs/Odometry."""
+        """Key of nav_msgs/Odometry."""
         return self._key(self.connection.odometry_topic, protocol.ODOMETRY)
 
     @property
     def imu(self) -> str:
-        """Of sensor_msgs/Imu."""
+        """Key of sensor_msgs/Imu."""
         return self._key(self.connection.imu_topic, protocol.IMU)
 
     @property
     def battery(self) -> str:
-        """Of sensor_msgs/BatteryState."""
+        """Key of sensor_msgs/BatteryState."""
         return self._key(self.connection.battery_topic, protocol.BATTERY_STATE)
 
     @property
     def camera(self) -> str:
-        """Of sensor_msgs/CompressedImage."""
+        """Key of sensor_msgs/CompressedImage."""
         return self._key(self.connection.camera_topic, protocol.COMPRESSED_IMAGE)
 
     @property

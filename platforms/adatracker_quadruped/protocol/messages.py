@@ -1,10 +1,9 @@
-"""ROS 2 messages as the toolkit's values, and back: velocities, odometry, inertia, battery, images.
+"""Converts between ROS 2 messages and the toolkit's values: velocities, odometry, IMU, battery, images.
 
-Frames are REP 103's and REP 105's on both sides: a pose is that of ``child_frame_id`` (the body: x forward,
-y left, z up) in ``frame_id`` (fixed: x east or start-forward), a velocity is in the body; `in_body` puts
-right one that is not. Only attitudes change their form, in `parts` and nowhere else: a unit quaternion on the
-wire, `Pose`'s angles inside.
-Covariances are not read, and are written as zeros: unknown (sensor_msgs/Imu).
+Frames are REP 103's and REP 105's on both sides: a pose is that of ``child_frame_id`` (the body: x forward, y
+left, z up) in ``frame_id`` (fixed: x east or start-forward), a velocity is in the body; `in_body` converts
+one that is not. Only attitudes change their form, in `ros_types`: a unit quaternion in messages, `Pose`'s
+angles inside. Covariances are not read, and are written as zeros: unknown (sensor_msgs/Imu).
 """
 
 from __future__ import annotations

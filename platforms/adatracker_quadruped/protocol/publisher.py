@@ -1,4 +1,4 @@
-"""One topic on its way out, with what its dialect attaches to each message."""
+"""Publisher of one topic, with its dialect's attachment."""
 
 from __future__ import annotations
 

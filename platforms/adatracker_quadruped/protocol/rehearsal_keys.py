@@ -1,4 +1,4 @@
-"""The keys that only a simulated robot has, beside its ROS 2 topics, and what is on them.
+"""Keys of a simulated robot only, beside its ROS 2 topics.
 
 ``sitl/alive``  its liveliness token: this robot is a rehearsal.
 ``sitl/run/T``  another one, whose T only the rehearsal knows that started this robot.
@@ -25,7 +25,7 @@ _STAMP = struct.Struct("<q")
 
 
 class Fault(enum.StrEnum):
-    """What can be wrong with a simulated robot, on demand."""
+    """A fault of a simulated robot, on demand."""
 
     NONE = "none"
     SILENT = "silent"

@@ -1,4 +1,4 @@
-"""What ROS 2 messages are made of: stamps, vectors, velocities and attitudes, each written and read once.
+"""Components of ROS 2 messages: reads and writes stamps, vectors, velocities and attitudes.
 
 Readers raise `Malformed`: no value that is not finite, no quaternion that is not of unit length and no time
 before 1970 gets past them.
@@ -19,7 +19,7 @@ Triple = tuple[float, float, float]
 FASTEST = 100.0
 """m/s and rad/s; nothing above this is a command or a measurement of a walking robot."""
 _UNIT_TOLERANCE = 10e-3
-"""Of a quaternion's squared length: what tf2 accepts (QUATERNION_NORMALIZATION_TOLERANCE)."""
+"""Tolerance of a quaternion's squared length: tf2's (QUATERNION_NORMALIZATION_TOLERANCE)."""
 
 
 def write_header(stamp_ns: int, frame_id: str) -> Any:

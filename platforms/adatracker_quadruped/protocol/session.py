@@ -1,4 +1,4 @@
-"""The session of a connection: `perception.zenoh_session` with its time-outs and certificates."""
+"""Opens a connection's Zenoh session: `perception.zenoh_session` with its time-outs and certificates."""
 
 from __future__ import annotations
 

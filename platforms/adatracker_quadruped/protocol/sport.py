@@ -1,4 +1,4 @@
-"""Unitree's sport request: how a bare Go2 is walked, which takes no Twist.
+"""Unitree's sport request, which drives a bare Go2 instead of a Twist.
 
 A request is a ROS 2 message around JSON: ``api_id`` 1008 is Move {"x": forward m/s, "y": left m/s, "z":
 counter-clockwise rad/s}, 1003 is StopMove (unitree_sdk2, ``robot/go2/sport/sport_api.hpp``). Some firmware

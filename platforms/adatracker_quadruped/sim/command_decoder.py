@@ -1,4 +1,4 @@
-"""Commands as a robot should take them: whatever it cannot be sure of moves nothing. Pure."""
+"""Command decoder: a malformed, stale or repeated command moves nothing. Pure."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 STALE_S = 0.3
 """An older command is dropped."""
 _MOST_SENDERS = 64
-"""A stranger who invents senders must not fill the memory."""
+"""Cap on senders: invented ones must not fill the memory."""
 
 
 class Intake:
-    """Decodes commands in the one form that the connection names; counts what it does not take."""
+    """Decodes commands of the connection's message type; counts those it rejects."""
 
     def __init__(self, connection: Connection) -> None:
         self._command = connection.command

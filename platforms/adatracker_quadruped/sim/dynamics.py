@@ -1,4 +1,4 @@
-"""The quadruped's dynamics: velocities that lag behind their commands, feet that slip, a trunk that trots."""
+"""The quadruped's dynamics: first-order lag, foot slip and a trotting trunk."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _STANDING_M_S = 0.02
 class QuadrupedBody(GroundBody):
     """A walking robot on the ground: forward, lateral and turning velocities follow by a first-order lag.
 
-    A vertical command is ignored; one that is not finite stands for zero. The gait moves the camera, not the
+    A vertical command is ignored; one that is not finite counts as zero. The gait moves the camera, not the
     body's origin, which stays on the ground.
     """
 

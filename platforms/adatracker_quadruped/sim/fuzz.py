@@ -1,4 +1,4 @@
-"""What a stranger, a fault or a cut cable might make of a message: for tests and benchmarks. Pure."""
+"""Fuzzing: mutated and truncated messages for tests and benchmarks. Pure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A trot as a camera feels it: bob, pitch, roll and uneven ground. Pure."""
+"""Camera motion of a trot: bob, pitch, roll and uneven ground. Pure."""
 
 from __future__ import annotations
 

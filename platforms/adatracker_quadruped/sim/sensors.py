@@ -1,4 +1,4 @@
-"""What a simulated robot tells of itself: odometry, inertia and charge, each at its rate."""
+"""Sensor publishers of the simulated robot: odometry, IMU and battery, each at its rate."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _TIPPED_ROLL = math.radians(85.0)
 
 
 class Senses:
-    """Publishes what is due; a topic that the connection does not name is not there."""
+    """Publishes what is due, on the topics that the connection names."""
 
     def __init__(self, session: zenoh.Session, connection: Connection, settings: SitlSettings) -> None:
         keys = Keys(connection)
@@ -49,7 +49,7 @@ class Senses:
 
         Args:
             body: as it is now.
-            faults: what is wrong with it.
+            faults: its active faults.
             now_ns: by the run's clock, in which the rates are.
             unix_ns: the stamp, since 1970.
         """
@@ -81,7 +81,7 @@ def _inertia(body: QuadrupedBody, faults: frozenset[Fault], unix_ns: int) -> Imu
 
 
 class _Due:
-    """An outlet with a period; a slot that was missed is not made up for."""
+    """A publisher with a period; a missed slot is skipped."""
 
     def __init__(self, session: zenoh.Session, key: str, rate_hz: float, *, attaches: bool) -> None:
         self._outlet = Publisher(session, key, attaches=attaches) if key else None

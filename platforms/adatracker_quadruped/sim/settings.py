@@ -1,4 +1,4 @@
-"""What the simulator is like: the profile's ``sitl:`` section. Needs no simulator to be imported."""
+"""The simulator's settings: the profile's ``sitl:`` section. Importable without the simulator."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from adatracker_deploy.platform import CameraMount
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GaitSettings:
-    """A trot as the camera feels it: in a cycle the trunk bobs and pitches twice and rolls once.
+    """Camera motion of a trot: in a cycle the trunk bobs and pitches twice and rolls once.
 
     Two cycles a second is the trot of the Go2's published controllers (a cycle time of 0.5 s). The amplitudes
     are this project's assumption: no figures of the trunk's motion are published; these are what a stride of

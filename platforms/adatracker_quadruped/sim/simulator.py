@@ -1,4 +1,4 @@
-"""Inside the simulator: a trotting body in a world, and its ROS 2 topics in a Zenoh session of its own."""
+"""The simulator's main loop: a trotting body in a world, and its ROS 2 topics over Zenoh."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ if TYPE_CHECKING:
     from adatracker_deploy.platform import Scenario
 
 LOOK_HZ = 100.0
-"""Looks at the channels per second of the machine's: how soon a stop is obeyed, too."""
+"""Polling rate of the channels in machine time; also bounds the delay of a stop."""
 LONGEST_LAG_S = 0.25
 """A process that was kept from running for longer skips the time instead of rushing through it."""
 DEAF_S = 0.2
 """After a gap in which commands may have piled up, machine time for which all of them are dropped."""
 LINGER_S = 5.0
-"""After its lifeline has ended the robot has so long, in machine time, to stand."""
+"""Machine time that the robot has to stand after its parent process has ended."""
 JPEG_QUALITY = 90
 
 
@@ -64,7 +64,7 @@ class Simulator:
         robot: what it is.
         scenario: the world that it stands in.
         clock: the run's.
-        orders: what shall go wrong while it runs, and who is told of it.
+        orders: fault commands, and where they are reported.
 
     Raises:
         PlatformError: it cannot listen at its endpoint.
@@ -92,7 +92,7 @@ class Simulator:
         """The newest image, its truth and their stamp."""
 
     def serve(self, lifeline_ended: threading.Event) -> None:
-        """Run until the lifeline has ended and the robot stands, or `LINGER_S` after that end."""
+        """Run until the parent process has ended and the robot stands, or `LINGER_S` after that end."""
         filming_ended = threading.Event()
         filming = film(self._rehearsal, self._clock, self._camera_hz, self._publish, filming_ended)
         try:
@@ -128,7 +128,7 @@ class Simulator:
                 self._wire.senses.tell(self._body, self._faults, now_ns, time.time_ns())
 
     def _mend(self, *, cut: bool) -> None:
-        """Take the robot from its wire, router and all, or put it there again; nothing if it is so."""
+        """Cut or restore the robot's network connection, including its router, if needed."""
         with self._using:
             if cut and self._wire is not None:
                 self._wire.session.close()
@@ -137,7 +137,7 @@ class Simulator:
                 self._wire = _Wire(self._robot)
 
     def _listen(self, now_s: float, *, deaf: bool) -> None:
-        """Take what has come in, the newest command alone; and stop when there is reason to."""
+        """Read incoming messages, of the commands only the newest; stop if there is a reason to."""
         host_left, wire = False, self._wire
         if wire is not None:
             if wire.goes.try_recv() is not None:
@@ -161,11 +161,11 @@ class Simulator:
 
     @property
     def _faults(self) -> frozenset[Fault]:
-        """What is wrong with it now, by whichever way it was asked for."""
+        """Return its active faults, however they were requested."""
         return frozenset({self._fault, *(ORDERED[name] for name in self._orders.faults & ORDERED.keys())})
 
     def _publish(self, frame: Frame) -> None:
-        """Send an image and, before it and in the same way, its truth; from the camera's thread."""
+        """Publish an image after its ground truth; called from the camera's thread."""
         faults = self._faults
         if Fault.SILENT in faults or CAMERA_GONE.name in self._orders.faults or frame.truth is None:
             return
@@ -183,7 +183,7 @@ class Simulator:
 
 
 class _Wire:
-    """The robot's session, which is the router too, and all that it hears and tells there.
+    """The robot's session, which is also the router, with its subscribers and publishers.
 
     Raises:
         PlatformError: it cannot listen at its endpoint.

@@ -1,11 +1,11 @@
-"""The simulator: a trotting robot that speaks ROS 2 over Zenoh, its camera's images with it.
+"""The simulator process: a trotting robot with a camera that speaks ROS 2 over Zenoh.
 
-``QuadrupedSitl`` starts it for a rehearsal. By hand, for a script or ROS 2 nodes of one's own::
+``QuadrupedSitl`` starts it for a rehearsal. By hand, for a script or your own ROS 2 nodes::
 
     python -m adatracker_quadruped.sim.sitl --profile go2 --listen tcp/127.0.0.1:7447
 
-Then anything can go wrong on demand, by a word on the key ``sitl/fault`` (`sitl_keys.Fault`), or by an
-order on stdin (`simulator.FaultCommands`).
+Faults are injected by a name on the key ``sitl/fault`` (`rehearsal_keys.Fault`), or by a command on stdin
+(`simulator.FaultCommands`).
 """
 
 from __future__ import annotations
@@ -103,11 +103,11 @@ class QuadrupedSitl(Sitl):
         )
 
     def close(self) -> None:
-        """End the lifeline and wait: the process ends once the robot stands."""
+        """Tell the process to end and wait: it ends once the robot stands."""
         self._process.close()
 
     def order(self, line: str) -> None:
-        """Pass an order on to the simulator."""
+        """Send a command to the simulator."""
         self._process.order(line)
 
 

@@ -1,6 +1,6 @@
-"""The wheeled base's adapter: velocity commands over a CAN bus, as the profile's roles say them.
+"""The wheeled base's adapter: sends velocity commands over a CAN bus, encoded by the profile's roles.
 
-What blocks (connecting, enabling, coming to rest) takes turns behind one lock. What must not wait (a stop, a
+Blocking operations (connecting, enabling, coming to rest) share one lock. What must not wait (a stop, a
 command, a takeover) goes through the `ControlAuthority`, so that a stop from another thread ends an engage at
 once.
 """
@@ -38,16 +38,16 @@ if TYPE_CHECKING:
 _DISABLE_TIMEOUT_S = 0.2
 _REST_TIMEOUT_S = 3.0
 _POSE_TIMEOUT_S = 1.0
-"""Wheels that are not told for so long leave the place unknown; bases tell them 50 times a second."""
+"""Without wheel data for this long the pose is unknown; bases send them 50 times a second."""
 _BATTERY_PERIODS = 5
-"""So many charges that do not come are a charge that is not told any more."""
+"""After this many missing battery messages the charge is unknown."""
 
 
 class WheeledAdapter(Platform):
     """A base behind a CAN bus.
 
-    After a takeover (by remote control, or into a mode that nobody here asked for) the base is whoever's took
-    it: neither `hold` nor `disengage` nor `close` sends it a frame, until an explicit `engage`.
+    After a takeover (by remote control, or an unrequested mode change) neither `hold` nor `disengage` nor
+    `close` sends the base a frame, until an explicit `engage`.
     """
 
     name = "wheeled"
@@ -65,9 +65,9 @@ class WheeledAdapter(Platform):
         self._closing = False
         self._sent_ns = 0
         self._told = 0
-        """Malformed frames, when they were last told of."""
+        """Number of malformed frames at the last notice."""
         self._warned: frozenset[str] = frozenset()
-        """What the base has warned of and was told; each once, however often it comes and goes."""
+        """The base's warnings already reported; each once, however often it comes and goes."""
 
     def connect(self) -> None:
         """Open the bus and wait for the base's state; sends nothing.
@@ -88,7 +88,7 @@ class WheeledAdapter(Platform):
             self._authority.wire = wire
 
     def preflight(self) -> tuple[Check, ...]:
-        """Wait for a first motion and charge, then judge what the base says of itself."""
+        """Wait for a first motion and charge, then check the base's telemetry."""
         with self._turn:
             wire = self._connected()
             wire.wait(lambda heard: heard.motion_t_ns > 0, self._timing.feedback_timeout_s)
@@ -105,7 +105,7 @@ class WheeledAdapter(Platform):
             )
 
     def engage(self) -> None:
-        """Zeros, then command mode; return when the base says that it obeys. Clears no error by itself.
+        """Send zeros, then request command mode; return once the base confirms it. Clears no error by itself.
 
         Opens the bus anew if it was lost.
 
@@ -130,7 +130,7 @@ class WheeledAdapter(Platform):
                 raise
 
     def send(self, command: Twist, now_ns: int) -> Twist:
-        """Let one velocity go out; return what its frames really say, clipped and rounded.
+        """Send one velocity; return what its frames really encode, clipped and rounded.
 
         Raises:
             PlatformError: the command is not finite, the base is not engaged, or it must not be driven on.
@@ -147,7 +147,7 @@ class WheeledAdapter(Platform):
             return said
 
     def state(self) -> PlatformState:
-        """Return what the base said last; its pose is from where it was first heard, by its own wheels."""
+        """Return the newest telemetry; the pose is wheel odometry from where the base was first heard."""
         wire = self._authority.wire
         heard = wire.heard if wire is not None else BaseTelemetry()
         return PlatformState(
@@ -162,7 +162,7 @@ class WheeledAdapter(Platform):
         )
 
     def notices(self) -> tuple[str, ...]:
-        """Tell of the base's warnings, and of frames of its that could not be believed."""
+        """Return notices about the base's warnings and its malformed frames."""
         wire = self._authority.wire
         if wire is None:
             return ()
@@ -176,14 +176,14 @@ class WheeledAdapter(Platform):
         )
 
     def hold(self, reason: str) -> None:
-        """Say zero three times, then nothing until an explicit `engage`; the base stays enabled."""
+        """Send zero three times, then nothing until an explicit `engage`; the base stays enabled."""
         self._authority.withdraw(reason)
         wire = self._authority.wire
         if wire is not None:
             wire.finish()
 
     def disengage(self) -> None:
-        """Zeros, then standby; return when the base stands.
+        """Send zeros, then request standby; return once the base stands.
 
         Raises:
             PlatformError: the bus is lost or too full to disable the base, or the base was not seen to stand
@@ -223,21 +223,21 @@ class WheeledAdapter(Platform):
                 self._closing = False
 
     def _watch(self) -> None:
-        """Stop for trouble as soon as it is heard, from the receive thread."""
+        """Stop as soon as a stop cause is received; called from the receive thread."""
         with self._authority.lock:
             wire = self._authority.wire
             if wire is not None and self._authority.engaged:
                 self._authority.heed(wire.trouble(self.clock.now_ns()))
 
     def _found(self, wire: Wire, now_ns: int) -> StopCause | None:
-        """Judge the base, and whoever sends: a base that has stopped by itself is not set going again."""
+        """Check the base and other senders: a base that has stopped by itself is not restarted."""
         silent_s = (now_ns - self._sent_ns) / 1e9 / self.clock.speed if self._sent_ns else 0.0
         if silent_s > self._timing.base_timeout_s:
             return StopCause(f"no command for {silent_s:.2f} s: the base has stopped by itself")
         return wire.trouble(now_ns)
 
     def _disable(self, wire: Wire) -> None:
-        """Let the zeros out, then give the base back; until that went out it stays in this side's charge."""
+        """Send the zeros, then disable the base; until that is sent this side stays in charge."""
         wire.finish()
         if not wire.wait(lambda _: self._given_back(wire), _DISABLE_TIMEOUT_S):
             raise PlatformError(
@@ -246,7 +246,7 @@ class WheeledAdapter(Platform):
             )
 
     def _given_back(self, wire: Wire) -> bool:
-        """Ask a base once to obey no longer; tell whether it is in nobody's charge now."""
+        """Send one disable request; return whether the base is released."""
         with self._authority.lock:
             mine, self._authority.in_charge = (
                 self._authority.in_charge,

@@ -1,7 +1,7 @@
-"""Who drives the base: commands leave only while there is consent.
+"""Control authority: commands are sent only while there is consent.
 
-Consent is given by an explicit engage. It is taken away, at once and from any thread, by a stop, by trouble
-with the base and by somebody who takes it over; and it never comes back by itself.
+An explicit engage gives consent. A stop, a problem with the base or a takeover revokes it, at once and from
+any thread; it never comes back by itself.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from adatracker_wheeled.adapter.transport import Wire
 
 _LONGEST_REASON = 95
-"""As `PlatformState.stopped` promises."""
+"""The limit of `PlatformState.stopped`."""
 
 
 class ControlAuthority:
-    """Guards what goes out on a wire; every method returns at once."""
+    """Guards everything sent to the base; every method returns at once."""
 
     def __init__(self) -> None:
         self.lock = threading.RLock()
@@ -28,22 +28,22 @@ class ControlAuthority:
         self.wire: Wire | None = None
         """None while not connected."""
         self.engaged = False
-        """The base obeys and nothing has ended that."""
+        """The base accepts commands, and nothing has ended that."""
         self.in_charge = False
-        """The base was enabled by this side and by nobody else since: this side has to disable it."""
+        """This side, and nobody else since, enabled the base, so it has to disable it."""
         self.stopped = ""
-        """Why consent went; empty while nothing unusual has happened."""
+        """Why consent was revoked; empty if nothing unusual has happened."""
         self.taken_over = False
-        """Consent went because somebody at the robot wanted it so."""
+        """Consent was revoked by somebody at the robot."""
         self.withdrawals = 0
-        """How often consent was taken away, whether or not there was any."""
+        """Number of revocations, whether or not there was consent."""
         self._consent = False
 
     def give_consent(self, withdrawals: int) -> None:
-        """Let commands out; forgets why they were stopped.
+        """Allow commands; clears the reason for the last stop.
 
         Args:
-            withdrawals: when whoever engages began to; a stop since then is newer than the wish to engage.
+            withdrawals: the count when engaging began; a later stop takes precedence.
 
         Raises:
             PlatformError: there was such a stop.
@@ -54,15 +54,15 @@ class ControlAuthority:
             self.require_consent()
 
     def require_consent(self) -> None:
-        """Do nothing, or raise PlatformError when consent has gone."""
+        """Raise PlatformError if consent was revoked."""
         if not self._consent:
             raise PlatformError(f"engaging was stopped: {self.stopped or 'disengage or close was asked for'}")
 
     def take_charge(self) -> None:
-        """From now on this side has to disable the base again.
+        """Take charge: from now on this side has to disable the base.
 
         Raises:
-            PlatformError: consent has gone.
+            PlatformError: consent was revoked.
         """
         with self.lock:
             self.require_consent()
@@ -71,10 +71,10 @@ class ControlAuthority:
                 self.wire.mark.set()
 
     def engage(self) -> None:
-        """Let commands through: the base was heard to obey.
+        """Allow commands: the base has confirmed command mode.
 
         Raises:
-            PlatformError: consent has gone.
+            PlatformError: consent was revoked.
         """
         with self.lock:
             self.require_consent()
@@ -90,7 +90,7 @@ class ControlAuthority:
                 self.wire.stop()
 
     def let_go(self) -> None:
-        """Leave the base alone: not another frame is sent until an explicit engage."""
+        """Leave the base alone: no frame is sent until an explicit engage."""
         with self.lock:
             self.in_charge = False
             if self.wire is not None:
@@ -98,7 +98,7 @@ class ControlAuthority:
                 self.wire.mark.clear()
 
     def heed(self, trouble: StopCause | None) -> None:
-        """Stop for trouble, and let go of a base that somebody else has taken."""
+        """Stop on a fault, and release a base that somebody else has taken over."""
         if trouble is None:
             return
         with self.lock:

@@ -1,4 +1,4 @@
-"""Into command mode: zeros first, then the request, then the base's own word that it obeys."""
+"""Enable sequence: zeros first, then the request for command mode, then the base's confirmation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a base is, by its own wheels: pure integration, no I/O."""
+"""Wheel odometry: pure integration, no I/O."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class DeadReckoning:
     fastest_m_s: float = 10.0
     """A wheel that rolled faster than this did not: the base was switched off and on, and counts anew."""
     longest_step_s: float = LONGEST_STEP_S
-    """Of the clock that the readings' times are of."""
+    """Longest time step, in the clock of the readings' times."""
     pose: Pose = field(default_factory=Pose)
     wheels_m: tuple[float, float] | None = None
     t_ns: int | None = None

@@ -1,4 +1,4 @@
-"""What must hold before a base is enabled, judged from what was heard of it. Pure."""
+"""Preflight checks before enabling a base, from its telemetry. Pure."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def battery_check(battery: float | None, needed: float) -> Check:
 
 
 def timeout_check(timing: Timing) -> Check:
-    """Say what nobody can ask over CAN: that the base stops by itself."""
+    """Remind of what cannot be queried over CAN: that the base stops by itself."""
     return Check(
         "command time-out",
         True,
@@ -99,7 +99,7 @@ def timeout_check(timing: Timing) -> Check:
 
 
 def frames_check(malformed: int) -> Check:
-    """Warn of frames that could not be believed."""
+    """Warn of malformed frames."""
     return Check(
         "frames",
         not malformed,

@@ -1,4 +1,4 @@
-"""What was heard of the base, and whether it may be driven on: pure, time comes in as an argument."""
+"""Receiver: the base's telemetry, and whether it may be driven on. Pure; time is an argument."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ if TYPE_CHECKING:
 _REST_M_S, _REST_RAD_S = 0.05, 0.1
 """Measured motion below both is rest."""
 _MOST_IDS = 64
-"""Of strangers' frames, remembered to explain why a base is not understood."""
+"""Number of unknown ids to remember, to explain why a base is not understood."""
 _V1_STATE, _V2_STATE = 0x151, 0x211
 """The state frames of AgileX's two protocols."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BaseTelemetry:
-    """What the base said last; times are the run's clock at receipt, ns, 0 before the first message."""
+    """The newest telemetry; times are the run's clock at receipt, ns, 0 before the first message."""
 
     status: BaseStatus | None = None
     status_t_ns: int = 0
-    """Of the last state that was news: where the base counts its states, a repeated one is none."""
+    """Time of the last new state; if the base counts its states, a repeated one is not new."""
     motion: Twist | None = None
     motion_t_ns: int = 0
     pose: Pose | None = None
@@ -38,12 +38,12 @@ class BaseTelemetry:
     battery: float | None = None
     battery_t_ns: int = 0
     rival_id: int | None = None
-    """Of the newest frame with which somebody else on the bus commands the base."""
+    """Id of the newest frame with which another host commands the base."""
     rival_t_ns: int = 0
 
     @property
     def at_rest(self) -> bool:
-        """The base was measured to stand."""
+        """Whether measured motion shows the base at rest."""
         motion = self.motion
         return motion is not None and abs(motion.vx) < _REST_M_S and abs(motion.yaw_rate) < _REST_RAD_S
 
@@ -60,7 +60,7 @@ class Receiver:
     def __init__(self, codec: Codec, roles: Roles, speed: float = 1.0) -> None:
         self.heard = BaseTelemetry()
         self.malformed = 0
-        """Frames of the base's that could not be believed; they changed nothing."""
+        """Number of malformed frames of the base; they changed nothing."""
         self.strangers: set[int] = set()
         """Ids that no role names, the first few."""
         self._codec = codec
@@ -72,7 +72,7 @@ class Receiver:
         )
 
     def forget(self) -> None:
-        """Begin anew after a lost bus; the pose stays where it was."""
+        """Start again after a lost bus; the pose is kept."""
         self.heard = BaseTelemetry(pose=self.heard.pose)
 
     def receive(self, frame: CanFrame, now_ns: int) -> None:
@@ -105,7 +105,7 @@ class Receiver:
         self.heard = heard
 
     def explain_silence(self) -> str:
-        """Say what there is to say about a base whose state is not heard."""
+        """Explain why the base's state may not be received."""
         if _V1_STATE in self.strangers:
             return "it speaks AgileX protocol v1 (0x151 on the bus): use a v1 profile, such as scout_v1"
         if _V2_STATE in self.strangers:
@@ -128,13 +128,13 @@ class StopCause:
 
     reason: str
     taken: bool = False
-    """Somebody else has the base: it is left to them."""
+    """Somebody else has taken over the base: it is left to them."""
     by_hand: bool = False
     """Somebody at the robot wanted it: with the remote control or the emergency stop."""
 
 
 def rival(heard: BaseTelemetry, since_ns: int) -> StopCause | None:
-    """Return the trouble with somebody else who commands the base, if one was heard after `since_ns`."""
+    """Return the stop cause if another host has commanded the base after `since_ns`."""
     if heard.rival_id is None or heard.rival_t_ns <= since_ns:
         return None
     why = f"somebody else on the bus commands the base (frames {heard.rival_id:#x}): end that program first"
@@ -142,7 +142,7 @@ def rival(heard: BaseTelemetry, since_ns: int) -> StopCause | None:
 
 
 def unfit(status: BaseStatus) -> StopCause | None:
-    """Return what in the base's own report forbids to drive it in any mode."""
+    """Return the faults in the base's own report that forbid driving in any mode."""
     if status.mode == "remote":
         return StopCause("the base is under remote control", taken=True, by_hand=True)
     if status.emergency_stop:

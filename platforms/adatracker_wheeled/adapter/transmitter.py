@@ -1,8 +1,8 @@
-"""The transmit thread: the newest command at the base's period, and zero when there is no newer one.
+"""The transmit thread: repeats the newest command at the base's period, and sends zero when it expires.
 
 The base stops by itself when frames stop. A thread that goes on sending for a caller that hangs would take
-that away (as the kernel's periodic send does: it outlives a stopped process). So every command has an end:
-when the next does not come in time the thread says zero three times and is silent until there is one.
+that away (as the kernel's periodic send does: it outlives a stopped process). So every command expires: when
+the next does not come in time, the thread sends zero three times and is silent until there is one.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from adatracker_deploy.core.clock import Clock
 
 _SLACK = 0.25
-"""Of a period: the next command may be so late, for a repeat just before it would hold it up."""
+"""Share of a period by which the next command may be late; a repeat just before it would delay it."""
 ZEROS = 3
 """How often zero is said at a stop; one frame can be lost."""
 

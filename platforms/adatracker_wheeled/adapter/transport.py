@@ -1,6 +1,6 @@
-"""A base at the end of its bus: what it said, and what it is told, as values.
+"""Transport to a base over its CAN bus: telemetry and commands as values.
 
-The receive thread hears, the transmit thread tells; both belong to the wire and end with it.
+It has a receive and a transmit thread, which end with it.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""What both ends of the wire share: bytes, units and names."""
+"""The protocol shared by adapter and simulator: bytes, units and names."""

@@ -1,4 +1,4 @@
-"""The CAN bus, by one of python-can's drivers: the only module besides `driver` that knows it.
+"""The CAN bus, through one of python-can's drivers; only this module and `bus_driver` use python-can.
 
 One thread of our own receives (a python-can ``Notifier`` dies with its first error); frames are stamped when
 they arrive, since drivers disagree on time stamps. Whatever ends a bus is latched in `Bus.lost`: nothing is

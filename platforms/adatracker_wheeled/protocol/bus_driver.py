@@ -1,4 +1,4 @@
-"""python-can's driver for a profile's bus, opened within 2 s or refused in a sentence."""
+"""Bus factory: opens python-can's driver for a profile's bus within 2 s, or says why not."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Between values and CAN frames, in both directions, by a DBC and the profile's roles; no I/O.
+"""Encodes and decodes CAN frames by a DBC and the profile's roles; no I/O.
 
 The adapter uses `command`, `enable` ... and `parse`; the simulator uses `parse_command` and
 ``*_frames``, from the same description, so neither can disagree with the other about a byte.

@@ -1,4 +1,4 @@
-"""How a wheeled base is reached: the profile's ``connection:`` section."""
+"""The profile's ``connection:`` section: how a wheeled base is reached."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ class Connection:
     bitrate: Annotated[int, Range(10_000, 1_000_000)] = 500_000
     """bit/s; where the system sets it (socketcan) or the far side does (socketcand) it is not used."""
     host: str = "127.0.0.1"
-    """Of a socketcand."""
+    """Host of a socketcand."""
     port: Annotated[int, Range(1, 65535)] = 29536
-    """Of a socketcand; 29536 is its usual one."""
+    """Port of a socketcand; 29536 is its usual one."""
     roles: Roles
     silence_timeout_s: Annotated[float, Range(0.1, 10)] = 1.0
     """How long to wait for the base's first state when connecting."""

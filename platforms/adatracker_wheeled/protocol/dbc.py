@@ -1,4 +1,4 @@
-"""A DBC file: each message's bytes from raw signal values and back, and each signal's range and scale.
+"""Reads DBC files: packs and unpacks messages, with each signal's range and scale.
 
 This is the only module that knows cantools. Numbers are turned here and nowhere else: a value is clipped to
 what its signal can say, then rounded to the nearest step, half to even (AgileX's own SDK truncates

@@ -1,4 +1,4 @@
-"""Which readers a received frame goes to, by its id."""
+"""Dispatches received frames to readers by id."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What passes between a base and this toolkit, as values: frames, readings of the base, demands on it.
+"""Messages between a base and this toolkit, as values: frames, readings and demands.
 
 No bytes are made or read here (`codec` does that, by a DBC and the profile's `roles`), and nothing is sent.
 """

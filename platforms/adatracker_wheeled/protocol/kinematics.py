@@ -1,4 +1,4 @@
-"""How a body's velocity becomes wheel speeds or a steering angle, and back: pure kinematics of the plane.
+"""Converts a body velocity to wheel speeds or a steering angle, and back: planar kinematics. Pure.
 
 Quantities go by the names of `roles`, wheels as the speed of their rim in m/s. Positive yaw and steering
 are to the left (REP 103).

@@ -1,4 +1,4 @@
-"""One message in a role: quantities in SI units on one side, raw signals on the other."""
+"""Maps one message of a role between quantities in SI units and raw signals."""
 
 from __future__ import annotations
 

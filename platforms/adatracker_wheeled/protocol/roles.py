@@ -1,8 +1,8 @@
-"""Which messages of a DBC do what: the ``roles:`` part of a wheeled base's profile.
+"""The ``roles:`` section of a wheeled base's profile: the purpose of each DBC message.
 
-A base of one's own needs its DBC and this. Values are linked as *quantity: signal*, where the quantity's name
-carries its unit and the signal is the DBC's. ``{signal: NAME, scale: S}`` says that the quantity is S times
-the signal, for a mirrored motor (-1), a percentage (0.01) or a unit that is not in the table.
+Your own base needs its DBC and this section. Values are linked as *quantity: signal*, where the quantity's
+name carries its unit and the signal is the DBC's. ``{signal: NAME, scale: S}`` says that the quantity is S
+times the signal, for a mirrored motor (-1), a percentage (0.01) or a unit that is not in the table.
 """
 
 from __future__ import annotations

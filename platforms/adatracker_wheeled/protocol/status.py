@@ -1,4 +1,4 @@
-"""A base's condition from the signals of a state message, and back for the simulator."""
+"""Decodes a base's condition from the signals of a state message, and encodes it for the simulator."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The simulated robot behind the wire."""
+"""The simulated base, reached over its real protocol."""

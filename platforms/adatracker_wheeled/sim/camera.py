@@ -1,4 +1,4 @@
-"""The simulated base's camera on its MJPEG server, which can freeze and go away when that is ordered."""
+"""The simulated base's camera on an MJPEG server, which can freeze or fail on command."""
 
 from __future__ import annotations
 

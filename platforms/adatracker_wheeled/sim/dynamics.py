@@ -1,4 +1,4 @@
-"""The base's dynamics: wheels that follow commands with a delay, a lag and limits, and that slip."""
+"""The base's dynamics: delay, lag, limits and wheel slip."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from adatracker_wheeled.sim.settings import SitlSettings
 
 _TRACK_M = 0.5
-"""Of a base whose profile does not tell it: nothing on its wire depends on it."""
+"""Track of a base whose profile does not state it; none of its messages depends on it."""
 
 
 class WheeledBody(GroundBody):

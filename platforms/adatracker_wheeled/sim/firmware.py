@@ -1,4 +1,4 @@
-"""The simulated base's own controller: what it answers to CAN frames, and how fast it turns its wheels.
+"""The simulated base's firmware: answers CAN frames and drives the wheels.
 
 Pure: frames, the wheels' motion and the time go in; frames and a velocity demand come out. Its rules are
 those that AgileX's manuals state: the remote control always overrides, commands count in command mode only,
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from adatracker_wheeled.sim.settings import FaultName, SitlSettings
 
 _EMPTY_V, _FULL_V = 21.0, 29.4
-"""Of a battery of seven lithium cells."""
+"""Voltages of an empty and a full battery of seven lithium cells."""
 _LOW = 0.05
 
 

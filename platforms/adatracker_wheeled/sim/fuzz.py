@@ -1,4 +1,4 @@
-"""What a stranger on the bus might say: for tests and benchmarks. Pure."""
+"""Fuzzing: random CAN frames for tests and benchmarks. Pure."""
 
 from __future__ import annotations
 

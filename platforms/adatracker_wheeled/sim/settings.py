@@ -1,4 +1,4 @@
-"""What the simulated base is like: the profile's ``sitl:`` section. Needs no simulator to be imported."""
+"""The simulator's settings: the profile's ``sitl:`` section. Importable without the simulator."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from adatracker_deploy.platform import CameraMount
 FaultName = Literal[
     "remote", "emergency_stop", "fault", "silence", "frozen_feedback", "frozen_state", "low_battery"
 ]
-"""What can be made to go wrong; `injection` tells each, and how to begin and end it during a rehearsal."""
+"""Faults that can be injected; `sim.faults` describes each, and how to begin and end it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

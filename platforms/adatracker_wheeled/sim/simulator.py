@@ -1,4 +1,4 @@
-"""Inside the simulator: a base and its body in a world, stepped together on the shared clock."""
+"""The simulator's main loop: steps a base's firmware and body in a world on the shared clock."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ if TYPE_CHECKING:
     from adatracker_wheeled.sim.settings import SitlSettings
 
 STEP_S = 0.01
-"""Of the body and of its controller."""
+"""Time step of the body and of its controller."""
 BATCH_S = 0.004
 """Machine time between two looks at what came in; a fast rehearsal makes several steps in it."""
 LONGEST_LAG_S = 0.25
 """A process that was kept from running for longer skips the time instead of rushing through it."""
 LINGER_S = 10.0
-"""After its lifeline has ended the base has so long, in machine time, to come to rest."""
+"""Machine time that the base has to come to rest after its parent process has ended."""
 _MOST_UNREAD = 2000
 """Frames kept between two looks: a flood loses the oldest, and a bus carries no more than 80 in that time."""
 _REST = 1e-3
@@ -47,7 +47,7 @@ class Simulator:
         settings: of the simulated base.
         scenario: the world, and the seed of all that is random.
         clock: the run's.
-        orders: what shall go wrong while it runs, and who is told of it.
+        orders: fault commands, and where they are reported.
 
     Raises:
         UsageError: the roles do not fit the DBC, or there is no such scene.
@@ -81,7 +81,7 @@ class Simulator:
 
         Args:
             send: puts one frame on the base's bus.
-            ended: the lifeline has.
+            ended: set when the parent process has ended.
         """
         clock, longest_ns = self._clock, round(LONGEST_LAG_S * self._clock.speed * 1e9)
         batch_ns = round(max(STEP_S, BATCH_S * clock.speed) * 1e9)

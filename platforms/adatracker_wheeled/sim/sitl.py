@@ -1,11 +1,11 @@
-"""The simulator: a base in a world behind a socketcand, in a process of its own.
+"""The simulator process: a base in a world, behind a socketcand.
 
-``WheeledSitl`` starts it for a rehearsal. By hand, for a script or another tool of one's own::
+``WheeledSitl`` starts it for a rehearsal. By hand, for your own script or tool::
 
     python -m adatracker_wheeled.sim.sitl --profile scout --port 28700
     python -m adatracker_wheeled.sim.sitl --profile scout --interface socketcan --channel vcan0
 
-`injection` tells how to make things go wrong while it runs, on the bus or by an order on stdin
+`faults` describes how to inject faults while it runs, on the bus or by a command on stdin
 (`simulator.FaultCommands`); any browser shows its camera.
 """
 
@@ -99,11 +99,11 @@ class WheeledSitl(Sitl):
         return dataclasses.replace(profile, connection=connection, camera=camera)
 
     def close(self) -> None:
-        """End the lifeline and wait until the base stands: by its link's stop, or by its own time-out."""
+        """Tell the process to end and wait until the base stands, by its link's stop or its own time-out."""
         self._process.close()
 
     def order(self, line: str) -> None:
-        """Pass an order on to the simulator."""
+        """Send a command to the simulator."""
         self._process.order(line)
 
 
