@@ -37,11 +37,11 @@ from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.messages import Frame
 from adatracker_deploy.perception.boxes import overlap
 from adatracker_deploy.perception.capture import Capture
-from adatracker_deploy.perception.file import FileCamera
 from adatracker_deploy.perception.models.nanodet import NanoDet
 from adatracker_deploy.perception.models.selfie import SelfieMasks
 from adatracker_deploy.perception.pipeline import Perception
 from adatracker_deploy.perception.segmenters import EMBEDDED, open_segmenter
+from adatracker_deploy.perception.sources import FileCamera
 from adatracker_deploy.perception.target.appearance import appearances
 from adatracker_deploy.perception.target.choice import LEAST_SCORE, Choice
 from adatracker_deploy.perception.target.lock import TargetLock

@@ -79,8 +79,8 @@ def run(args: argparse.Namespace) -> int:
 
 def _grid(args: argparse.Namespace) -> int:
     from adatracker_deploy.cli.counting import counted
-    from adatracker_deploy.evaluation.drawing import check_drawing
     from adatracker_deploy.evaluation.grid import Grid, policy_labels
+    from adatracker_deploy.evaluation.picture import check_drawing
     from adatracker_deploy.evaluation.play import play_all
 
     grid = Grid(
@@ -122,9 +122,8 @@ def _show(
     """Print and write what was played."""
     from rich.console import Console
 
-    from adatracker_deploy.evaluation.drawing import write_figure
     from adatracker_deploy.evaluation.latex import latex_table
-    from adatracker_deploy.evaluation.picture import grid_picture
+    from adatracker_deploy.evaluation.picture import grid_picture, write_figure
     from adatracker_deploy.evaluation.record import grid_record
     from adatracker_deploy.evaluation.scores import PolicyScore, differences
     from adatracker_deploy.evaluation.table import grid_table
@@ -147,8 +146,8 @@ def _context(args: argparse.Namespace) -> int:
     from adatracker_deploy.cli.counting import counted
     from adatracker_deploy.evaluation.context_study import study_context
     from adatracker_deploy.evaluation.context_view import context_picture, context_table
-    from adatracker_deploy.evaluation.drawing import check_drawing, write_figure
     from adatracker_deploy.evaluation.grid import CELLS, policy_labels
+    from adatracker_deploy.evaluation.picture import check_drawing, write_figure
     from adatracker_deploy.evaluation.play import play_all
 
     policies = tuple(args.policy or [DEFAULT])

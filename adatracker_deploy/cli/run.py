@@ -138,9 +138,8 @@ def run(args: argparse.Namespace) -> int:
 
     from adatracker_deploy.runtime.operator_stop import StopRequest
     from adatracker_deploy.runtime.running import Announcement
-    from adatracker_deploy.scoring.stage_table import stage_table
     from adatracker_deploy.scoring.summary import summarise_set, timing_words
-    from adatracker_deploy.scoring.summary_table import summary_table
+    from adatracker_deploy.scoring.summary_table import stage_table, summary_table
     from adatracker_deploy.trial.salvage import salvage_all
 
     plans = _plans(args)

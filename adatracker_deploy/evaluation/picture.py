@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import importlib.util
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.evaluation.grid import Cell
 from adatracker_deploy.evaluation.rows import Row, rows_of, triple_text
 from adatracker_deploy.learning.conditions import HEIGHTS_M, TARGET_SPEEDS_M_S
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
 
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -19,6 +22,33 @@ if TYPE_CHECKING:
 
     from adatracker_deploy.evaluation.grid import Grid
     from adatracker_deploy.evaluation.scores import PolicyScore
+
+
+def check_drawing(path: Path) -> None:
+    """Tell now, before hours of work, whether a picture can be written there.
+
+    Raises:
+        UsageError: matplotlib is not installed, the folder is not there, or the ending is not .png.
+    """
+    if importlib.util.find_spec("matplotlib") is None:
+        raise UsageError("pictures need matplotlib: pip install 'adatracker-deploy[train]'")
+    if path.suffix != ".png":
+        raise UsageError(f"{path}: name a picture that ends in .png")
+    if not path.parent.is_dir():
+        raise UsageError(f"{path}: there is no folder {path.parent}")
+
+
+def write_figure(figure: Figure, path: Path) -> None:
+    """Write a PNG.
+
+    Raises:
+        UsageError: it cannot be written.
+    """
+    try:
+        figure.savefig(path, format="png")
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be written ({error.strerror})") from error
+
 
 _PANELS_A_ROW = 3
 _COLOURS = "YlGnBu"

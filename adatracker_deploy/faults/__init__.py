@@ -3,8 +3,7 @@
 `core.faults` names the faults, `phases` the phases of a trial, and `schedule` parses ``NAME@WHEN``; all are
 pure. `injection` injects each fault where it would really occur: `parts` wrap camera, segmenter and policy,
 `strikes` act on processes, and the simulator does the rest on command. `sim.ground_truth` is the simulated
-robot's own record of its commands and motion; `take_off` reads a drone's phases there, `interpreter` records
-stalls of the tracker's interpreter there.
+robot's own record of its commands and motion; `take_off` reads a drone's phases there.
 
 `matrix` gives each fault's limits while the robot follows, `phase_rows` in every other phase; `judge`
 compares them with the `evidence`, which must also show that the fault took effect (all pure). `rehearse` and

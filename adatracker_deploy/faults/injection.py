@@ -14,7 +14,6 @@ import time
 from typing import TYPE_CHECKING
 
 from adatracker_deploy.core.faults import OURS
-from adatracker_deploy.faults.interpreter import InterpreterWatch
 from adatracker_deploy.faults.parts import FaultyPolicy, FaultySegmenter, FrozenCamera, Switch
 from adatracker_deploy.faults.phases import ENDING, IN_FLIGHT, TrialPhase
 from adatracker_deploy.faults.schedule import next_due
@@ -23,6 +22,7 @@ from adatracker_deploy.faults.take_off import TakeOff
 from adatracker_deploy.sim.ground_truth import FILE_NAME, GroundTruthRecorder, read_witness
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
 
     from adatracker_deploy.core.camera import Camera
@@ -34,6 +34,37 @@ if TYPE_CHECKING:
     from adatracker_deploy.policy.base import Policy
     from adatracker_deploy.runtime.link_process import LinkProcess
     from adatracker_deploy.trial.log import TrialLog
+
+NAP_S = 0.005
+WORTH_TELLING_S = 0.05
+
+
+class InterpreterWatch:
+    """Monitors until closed.
+
+    Args:
+        stood: called, in its own thread, with the length, s, of a stall that has just ended.
+    """
+
+    def __init__(self, stood: Callable[[float], None]) -> None:
+        self._stood = stood
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._watch, name="interpreter", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop monitoring."""
+        self._ended.set()
+        self._thread.join()
+
+    def _watch(self) -> None:
+        woke_s = time.monotonic()
+        while not self._ended.wait(NAP_S):
+            now_s = time.monotonic()
+            if now_s - woke_s - NAP_S > WORTH_TELLING_S:
+                self._stood(now_s - woke_s - NAP_S)
+            woke_s = now_s
+
 
 AFTERMATH_S = 1.0
 """How long the robot is monitored after a fault is over: its end must not restart any motion."""

@@ -10,16 +10,29 @@ from urllib.parse import SplitResult, urlsplit
 
 from adatracker_deploy.core.camera import ROBOT, WORLD, without_password
 from adatracker_deploy.core.errors import UsageError
-from adatracker_deploy.perception.capture import has_gstreamer
-from adatracker_deploy.perception.file import FileCamera
-from adatracker_deploy.perception.film import FASTEST_HZ, SLOWEST_HZ
+from adatracker_deploy.perception.capture import Capture, has_gstreamer
+from adatracker_deploy.perception.film import FASTEST_HZ, SLOWEST_HZ, FilmCamera
 from adatracker_deploy.perception.folder import USUAL_HZ, FolderCamera, pictures_in
 from adatracker_deploy.perception.mjpeg import MjpegCamera
 from adatracker_deploy.perception.video import DEVICE, GSTREAMER, VideoCamera
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from adatracker_deploy.core.camera import Camera
     from adatracker_deploy.core.clock import Clock
+
+
+class FileCamera(FilmCamera):
+    """Plays a video file; `every_frame` as in `FilmCamera`."""
+
+    def __init__(self, path: Path, *, every_frame: bool = False) -> None:
+        super().__init__(str(path), every_frame=every_frame)
+        self._path = path
+
+    def _open_film(self) -> Capture:
+        return Capture(str(self._path))
+
 
 ZENOH = "zenoh://"
 KNOWN = (

@@ -12,10 +12,9 @@ import pytest
 from rich.console import Console
 
 from adatracker_deploy.core.errors import UsageError
-from adatracker_deploy.evaluation.drawing import check_drawing, write_figure
 from adatracker_deploy.evaluation.grid import CELLS, Grid
 from adatracker_deploy.evaluation.latex import latex_table
-from adatracker_deploy.evaluation.picture import grid_picture
+from adatracker_deploy.evaluation.picture import check_drawing, grid_picture, write_figure
 from adatracker_deploy.evaluation.play import Played
 from adatracker_deploy.evaluation.record import grid_record
 from adatracker_deploy.evaluation.scores import PolicyScore, differences

@@ -16,11 +16,10 @@ from streams import film, handles, picture, until
 from adatracker_deploy.core.camera import FilmOverError
 from adatracker_deploy.core.clock import FakeClock, MonotonicClock
 from adatracker_deploy.core.messages import Frame
-from adatracker_deploy.perception.file import FileCamera
 from adatracker_deploy.perception.mjpeg_server import MjpegServer
 from adatracker_deploy.perception.models.catalogue import open_model
 from adatracker_deploy.perception.pipeline import Perception
-from adatracker_deploy.perception.sources import open_source
+from adatracker_deploy.perception.sources import FileCamera, open_source
 from adatracker_deploy.perception.target_segmenter import TargetSegmenter
 from tests.e2e.painted import painted, red_detector
 

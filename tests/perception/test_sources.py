@@ -14,10 +14,9 @@ from streams import film, jpeg, picture
 from adatracker_deploy.core.camera import without_password
 from adatracker_deploy.core.clock import FakeClock
 from adatracker_deploy.core.errors import UsageError
-from adatracker_deploy.perception.file import FileCamera
 from adatracker_deploy.perception.folder import FolderCamera
 from adatracker_deploy.perception.mjpeg import MjpegCamera
-from adatracker_deploy.perception.sources import KNOWN, check_uri, open_source
+from adatracker_deploy.perception.sources import KNOWN, FileCamera, check_uri, open_source
 from adatracker_deploy.perception.video import VideoCamera
 from adatracker_deploy.perception.zenoh_camera import CompressedImageCamera
 

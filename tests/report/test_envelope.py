@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from adatracker_deploy.report.envelope import envelope
+from adatracker_deploy.report.charts import envelope
 
 curves = hnp.arrays(np.float64, st.integers(0, 400), elements=st.floats(-1e6, 1e6) | st.just(math.nan))
 columns = st.integers(1, 60)

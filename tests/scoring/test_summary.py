@@ -12,10 +12,9 @@ from adatracker_deploy.core.record import Latency
 from adatracker_deploy.scoring.compare import compare
 from adatracker_deploy.scoring.compare_view import comparison_table
 from adatracker_deploy.scoring.latex import real_world_table
-from adatracker_deploy.scoring.stage_table import stage_table
 from adatracker_deploy.scoring.stages import STAGES
 from adatracker_deploy.scoring.summary import summarise_set
-from adatracker_deploy.scoring.summary_table import summary_table
+from adatracker_deploy.scoring.summary_table import stage_table, summary_table
 from adatracker_deploy.scoring.tally import Tally
 from tests.trial.records import REFERENCE, TICK_NS, a_step
 

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from shipped_roles import codec_of, frame
 
 from adatracker_deploy.core.messages import Twist
-from adatracker_wheeled.protocol.checksum import agilex_v1
-from adatracker_wheeled.protocol.dbc import find_dbc
+from adatracker_wheeled.protocol.dbc import agilex_v1, find_dbc
 from adatracker_wheeled.protocol.frames import BaseStatus, CanFrame, Demand, Malformed, Reading
 
 # The manual's own examples: "forward at 0.15 m/s", "take command while standing still".

@@ -8,7 +8,7 @@ import pytest
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.perception.models.catalogue import open_model
 from adatracker_deploy.perception.models.memory_bank import MemoryBank, Remembered
-from adatracker_deploy.perception.models.sight import Sight
+from adatracker_deploy.perception.models.sam2 import Sight
 from tests.perception.models import sam2_graphs
 from tests.perception.models.sam2_graphs import PLAIN, PREFIXED
 

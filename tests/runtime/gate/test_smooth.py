@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from adatracker_deploy.core.messages import ZERO, Twist
-from adatracker_deploy.runtime.gate.smooth import ARRIVED, approach, smooth
+from adatracker_deploy.runtime.gate.move import ARRIVED, approach, smooth
 
 A, J = 2.0, 20.0
 SPEEDS = st.floats(-3.0, 3.0)

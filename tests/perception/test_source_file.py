@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from streams import film, jpeg, picture
 
 from adatracker_deploy.core.errors import PlatformError, UsageError
-from adatracker_deploy.perception.file import FileCamera
+from adatracker_deploy.perception.sources import FileCamera
 
 START_NS = 7_000_000_000
 PERIOD_NS = 40_000_000
