@@ -23,7 +23,7 @@ class Sight:
         self._missed = 0
 
     def sees(self, mask: NDArray[np.bool_]) -> bool:
-        """Tell whether this mask, shape (h, w), shows it; remembers it if so."""
+        """Return whether this mask, shape (h, w), shows it; remembers it if so."""
         share = float(mask.mean())
         last, now = self._shape, _measure(mask)
         seen = SMALLEST <= share <= LARGEST and last is not None and now is not None
