@@ -15,7 +15,7 @@ DISTRIBUTION = "adatracker-deploy"
 
 
 def need(extras: Iterable[str], what: str) -> None:
-    """See that extras are installed; those that this package does not have are somebody else's.
+    """Check that extras are installed; those that this package does not have are somebody else's.
 
     Args:
         extras: by name.
@@ -55,7 +55,7 @@ def requirements(lines: Iterable[str], extras: Iterable[str]) -> dict[str, list[
 
 
 def installed(distribution: str) -> bool:
-    """Tell whether a distribution is installed."""
+    """Return whether a distribution is installed."""
     try:
         metadata.distribution(distribution)
     except metadata.PackageNotFoundError:

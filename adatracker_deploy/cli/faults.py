@@ -203,7 +203,8 @@ def _robots(args: argparse.Namespace) -> list[tuple[str, dict[str, Fault], bool]
     """Return each robot that was asked for, or can be measured, what it can suffer, and whether it flies.
 
     Raises:
-        UsageError: there is no such robot, or its simulator takes no orders, to have a witness above all.
+        UsageError: there is no such robot, or its simulator takes no commands, such as to record ground
+            truth.
     """
     from adatracker_deploy.core.faults import known_faults
     from adatracker_deploy.platform import Sitl

@@ -208,7 +208,7 @@ def _run_all(
 
 
 def _may_follow(plan: TrialPlan, outcome: str) -> bool:
-    """Tell whether there may be another trial after one that ended so."""
+    """Return whether there may be another trial after one that ended so."""
     moves = not (plan.sitl or plan.dry_run)
     return outcome in RESULTS or (not moves and outcome != "interrupted")
 

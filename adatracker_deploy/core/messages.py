@@ -133,7 +133,7 @@ class Twist:
     """Counter-clockwise seen from above, rad/s."""
 
     def is_finite(self) -> bool:
-        """Tell whether no component is NaN or infinite."""
+        """Return whether no component is NaN or infinite."""
         return all(map(math.isfinite, (self.vx, self.vy, self.vz, self.yaw_rate)))
 
 

@@ -236,7 +236,7 @@ def _burst(evidence: Evidence, onset_ns: int) -> tuple[float | None, str]:
 
 
 def _acceleration(commands: tuple[Told, ...], onset_ns: int) -> float:
-    """Return the largest forward acceleration, m/s^2, that jitter cannot explain; stops do not count."""
+    """Return the largest forward acceleration, m/s^2, beyond jitter; stops to zero are left out."""
     near = [told for told in commands if 0 <= told.t_ns - onset_ns < 2e9]
     largest = 0.0
     for first, earlier in enumerate(near):

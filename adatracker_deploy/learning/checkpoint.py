@@ -1,4 +1,4 @@
-"""Checkpoints: what training leaves behind and export takes up.
+"""Checkpoints: written by training, read by export.
 
     {"format": "adatracker", "config": AdaTrackerConfig, "meta": CheckpointMeta, "state_dict": tensors}
 
@@ -32,7 +32,7 @@ FORMAT = "adatracker"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckpointMeta:
-    """What a policy's networks cannot say of themselves; the fields are those of a bundle's manifest."""
+    """Metadata of a policy's networks; the fields are those of a bundle's manifest."""
 
     name: str
     mask: MaskSpec
@@ -89,7 +89,7 @@ ADATRACKER_MASK = MaskSpec(
     scale=1 / 255,
     palette=Palette(background=(0, 0, 0), target=(255, 0, 0), person=(0, 255, 0), obstacle=(0, 0, 255)),
 )
-"""How AdaTracker is shown masks: a channel a class, 0 or 1, drawn at the networks' size.
+"""AdaTracker's mask input: one channel per class, 0 or 1, drawn at the networks' size.
 
 So the picture is sampled and not reduced: a pixel belongs to one class, in training and on a robot.
 """

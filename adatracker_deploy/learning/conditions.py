@@ -1,4 +1,4 @@
-"""The conditions that policies are compared under, and the paper's grid of bodies.
+"""The conditions under which policies are compared, and the paper's grid of bodies.
 
 A cell is a condition, a camera height and a target's speed; its seed draws the rest. The tracker's limit is
 1.3 times the target's speed and at least 1 m/s, forward and backward; it turns at most 120 degrees a second.
@@ -31,7 +31,7 @@ Interval = tuple[float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Condition:
-    """What an episode is like besides the cell's height and speed; intervals are drawn from evenly."""
+    """Settings of an episode besides the cell's height and speed; intervals are sampled uniformly."""
 
     name: ConditionName
     description: str

@@ -1,4 +1,4 @@
-"""One robot body as learning varies it: where its camera is, how fast it may go, how late it obeys."""
+"""A robot body as varied in learning: camera pose, speed limits, lag and delay."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ as with any, and they lie near its step response (half of a step of 2 m/s after 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Embodiment:
-    """What the policy has to find out by itself; by default the body Offline EVT was trained on."""
+    """The parameters that a policy must infer; by default the body Offline EVT was trained on."""
 
     kind: BodyKind = "differential"
     height_m: Annotated[float, Range(0.05, 10)] = 1.7
-    """Of the camera above the ground."""
+    """Height of the camera above the ground."""
     pitch_deg: Annotated[float, Range(-90, 90)] = 0.0
-    """Of the camera; positive looks down."""
+    """Pitch of the camera; positive looks down."""
     fov_deg: Annotated[float, Range(20, 150)] = 90.0
     """Horizontal, and vertical: policies are shown a square."""
     forward_m_s: Annotated[float, Range(0.05, 30)] = 1.3
@@ -44,7 +44,7 @@ class Embodiment:
     """From a command to its first effect; as for `lag_s`, not imposed on a drone."""
 
     def limits(self) -> Limits:
-        """Return what an action of 1 means; accelerations are left to the body's lag."""
+        """Return the speeds for an action of 1; accelerations are left to the body's lag."""
         return Limits(
             forward_m_s=self.forward_m_s,
             backward_m_s=self.backward_m_s,
@@ -138,17 +138,17 @@ class Hovering(Body):
 
     @property
     def pose(self) -> Pose:
-        """Of the flying body."""
+        """Return the flying body's pose."""
         return self._body.pose
 
     @property
     def camera_pose(self) -> Pose:
-        """Of the flying body's camera."""
+        """Return the pose of the flying body's camera."""
         return self._body.camera_pose
 
     @property
     def velocity(self) -> Twist:
-        """Of the flying body."""
+        """Return the flying body's velocity."""
         return self._body.velocity
 
 

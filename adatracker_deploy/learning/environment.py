@@ -34,7 +34,7 @@ SIMULATOR_LEAST_REWARD = -1.0
 
 
 class TrackingEnv(gymnasium.Env[Observed, NDArray[np.float32]]):
-    """One episode after the other: class masks in, fractions of the body's limits out.
+    """Tracking episodes: observations are class masks, actions are fractions of the body's limits.
 
     The observation is a class mask, uint8 (64, 64), or an RGB image, uint8 (64, 64, 3), which is never
     augmented by noise. The action is float32 (2,) in [-1, 1]: forward, and yaw with counter-clockwise

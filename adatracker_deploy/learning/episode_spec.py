@@ -1,4 +1,4 @@
-"""Everything that fixes one episode of learning or evaluation, as plain values: body, world, noise, seed."""
+"""The full specification of one episode, as plain values: body, world, noise, seed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from adatracker_deploy.sim.task import TaskSettings
 from adatracker_deploy.sim.world import World
 
 RATE_HZ = 10.0
-"""Of learning and evaluation: the rate at which the published policy reproduced its scores."""
+"""Rate of learning and evaluation, Hz: the one at which the published policy reproduced its scores."""
 MASK_SIZE = 64
 """Masks are rendered at the networks' size: nothing is resampled, as at deployment with ``draw_size`` 64."""
 
@@ -24,7 +24,7 @@ class EpisodeSpec:
     """One episode, to the bit: equal specs give equal episodes under equal actions."""
 
     seed: Annotated[int, Range(0, 1 << 62)]
-    """Of the world, the body's and the masks' randomness; see `seeds`."""
+    """Seed of the world, the body and the mask noise; see `seeds`."""
     embodiment: Embodiment = field(default_factory=Embodiment)
     scene: str = "simple_room"
     target_speed_m_s: Annotated[float, Range(0.05, 10)] = 1.0
@@ -49,7 +49,7 @@ class EpisodeSpec:
         )
 
     def mask_noise(self) -> MaskNoise:
-        """Return what spoils this episode's masks."""
+        """Return this episode's mask noise."""
         return MaskNoise.of_level(self.noise, seed=self.seed)
 
     def task_settings(self, steps: int = 500) -> TaskSettings:

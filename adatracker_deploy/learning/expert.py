@@ -1,10 +1,10 @@
-"""The expert: follows by the truth, and is the ceiling of everything that imitates it.
+"""The expert: follows by ground truth; an upper bound for everything that imitates it.
 
-It knows the body's limits, lag and delay and the target's place and velocity. It looks ahead to the moment
-when its action begins to work, and steers so that soon after the body will be at 2.5 m and bearing zero from
-where the target will be then: proportional control with the target's motion fed forward.
-It plans no way around obstacles: at 2.5 m behind somebody who walks around them it is led past; what it
-runs into turns it aside.
+It knows the body's limits, lag and delay and the target's position and velocity. It predicts the moment when
+its action takes effect, and steers so that soon after the body will be at 2.5 m and bearing zero from the
+target's position then: proportional control with feed-forward of the target's motion. It plans no path around
+obstacles: at 2.5 m behind somebody who walks around them it is led past; an obstacle that it touches turns it
+aside.
 
 Gains were chosen on tuning seeds (see `seeds`). On others of those, one episode for each of the paper's 16
 bodies, AR/EL/SR were 498/500/1.00 in `clean`, 489/500/1.00 in `field` and 449/500/1.00 in `hard`.
@@ -52,7 +52,7 @@ class _State:
 
 
 class Expert:
-    """Answers for one episode; tell it every action that is executed, its own or not."""
+    """The expert in one episode; it must be told every executed action, its own or not."""
 
     def __init__(self, tracking: Tracking, gains: ExpertGains | None = None) -> None:
         self._tracking = tracking

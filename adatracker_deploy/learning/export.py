@@ -1,4 +1,4 @@
-"""From a checkpoint to a policy bundle, held to torch before it is written."""
+"""Exports a checkpoint to a policy bundle, verified against torch before it is written."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def export_checkpoint(
     licence: str | None = None,
     force: bool = False,
 ) -> Manifest:
-    """Write the bundle of a checkpoint; what is written has been loaded and has answered as torch does.
+    """Write the bundle of a checkpoint, after checking that it loads and gives torch's answers.
 
     Args:
         path: an AdaTracker or Offline-EVT checkpoint.

@@ -1,4 +1,4 @@
-"""What is exported: each network as one step with its memory in its arguments, and its ONNX form.
+"""The exported modules: each network as a single step with explicit state, and its ONNX form.
 
 Shapes are a bundle's: batch 1, C channels, S pixels, A actions, Z context, H hidden, K pairs of F numbers.
 """
@@ -19,7 +19,7 @@ from adatracker_deploy.learning.networks import ContextEncoder, ContextPolicy, O
 from adatracker_deploy.policy.manifest import GraphSpec
 
 OPSET = 18
-"""Of ONNX: the oldest that torch's exporter writes, so the one that most runtimes read."""
+"""ONNX opset: the oldest that torch's exporter writes, and so the one that most runtimes read."""
 
 
 class StreamingEncoder(nn.Module):

@@ -1,4 +1,4 @@
-"""What training minimises, as functions of tensors; the methods in `train` add them up.
+"""Loss functions of tensors; the methods in `train` sum them.
 
 B sequences of L steps; `weight` (B, L) is 1 where a step counts and 0 where it does not, and every loss is a
 mean over the steps that count. Equations are those of the AdaTracker paper unless they are marked as ours.
@@ -11,11 +11,12 @@ from torch import Tensor
 from torch.nn import functional
 
 DYNAMICS_UNITS = (0.5, 0.25, 0.15, 0.1)
-"""Of the logarithms of the forward and the yaw limit, of lag and delay (s): about their standard deviations
-in the `deploy` recipe, so that each weighs the same."""
+"""Units of the logarithms of the forward and yaw limit, and of lag and delay (s): about their standard
+deviations in the `deploy` recipe, so that each weighs the same."""
 
 _HUBER = 0.5
-"""Of an action's range of 2: beyond, an error is one of the situation (the target is out of sight)."""
+"""Huber threshold, with an action's range of 2: a larger error is due to the situation (target out of
+sight)."""
 
 
 def mean_where(values: Tensor, weight: Tensor) -> Tensor:

@@ -38,7 +38,7 @@ class AdaTrackerConfig:
     history: Annotated[int, Range(0, 256)] = 16
     """K: 1.6 s at 10 Hz, several times the lag of a robot's base (0.1 to 0.4 s); 0 without an encoder."""
     features: Annotated[int, Range(1, 4096)] = 96
-    """Of one mask, out of a backbone."""
+    """Number of features of one mask, from a backbone."""
     context: Annotated[int, Range(0, 1024)] = 16
     """Size of z: a body is a handful of numbers (height, pitch, field of view, limits, lag, delay); 0 without
     an encoder."""

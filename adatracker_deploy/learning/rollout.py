@@ -1,4 +1,4 @@
-"""A policy run in torch by its definition, a whole window a tick: what every exported form is held to."""
+"""Reference rollout of a policy in torch, with a whole window per tick; exports must match it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who may use which seeds: the one place that keeps training, tuning and evaluation apart.
+"""Seed ranges that keep training, tuning and evaluation apart.
 
 A seed fixes an episode's world, body and noise. Nothing trained or tuned sees an evaluation seed.
 """

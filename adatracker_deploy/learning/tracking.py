@@ -1,4 +1,4 @@
-"""One episode for learning and evaluation: a spec's world and body, augmented masks, normalised actions."""
+"""One episode for learning and evaluation: a spec's world and body, noisy masks, normalised actions."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ACTION: ActionSpec = FORWARD_YAW
 
 @dataclass(frozen=True, slots=True)
 class Tick:
-    """What one step led to; `observation` is what a policy is shown, all else is true."""
+    """Result of one step; `observation` is the policy's input, all else is ground truth."""
 
     observation: Observation
     dropped: bool

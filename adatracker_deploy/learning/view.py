@@ -1,4 +1,4 @@
-"""How a camera must be tilted to see somebody who stands at the task's distance."""
+"""Computes the camera pitch that keeps a person at the task's distance in view."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ def _said(file: Path) -> Row:
 
 
 def being_written(file: Path) -> bool:
-    """Tell whether a log's writer is still at it: it holds a lock as long as it is."""
+    """Return whether a log's writer is still at it: it holds a lock as long as it is."""
     if file.name != PART_NAME:
         return False
     with contextlib.suppress(FileNotFoundError), file.open("rb") as stream:  # it may be renamed by now

@@ -101,7 +101,7 @@ class Score:
 
 
 def is_box(box: Box) -> bool:
-    """Tell whether a box has finite numbers and a size."""
+    """Return whether a box has finite numbers and a size."""
     return box.w > 0 and box.h > 0 and math.isfinite(box.cx + box.cy + box.w + box.h)
 
 

@@ -113,7 +113,7 @@ class Tally:
         }
 
     def _timing_kept(self) -> bool:
-        """Tell whether the trial acted at the policy's rate; the stale ticks of its end do not count."""
+        """Return whether the trial acted at the policy's rate; the stale ticks of its end do not count."""
         slots = self._last_step - self._first_step + 1 + self._missed_deadlines
         unused = self._missed_deadlines + self._stale - self._stale_at_the_end
         return unused <= TIMING_TOLERANCE * slots

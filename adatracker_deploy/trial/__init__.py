@@ -1,1 +1,1 @@
-"""Trials: the log's writer and reader, metrics and tables. Knows nothing of robots or policies."""
+"""Trials: the log's writer and reader, live view and operator marks. Independent of robots and policies."""

@@ -1,4 +1,4 @@
-"""What the link did after the tracker's log had ended, as its black box tells it."""
+"""What the link did after the tracker's log had ended, from its black box."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a trial is told, in its log and in its live view: channels, their schemas, and the encoding of a tick.
+"""Channels of a trial's log and live view, their schemas, and the encoding of a tick.
 
 | topic    | schema                    | content                                                       |
 |----------|---------------------------|---------------------------------------------------------------|

@@ -1,4 +1,4 @@
-"""A trial's folder: its name, what lies in it, and how small files are written there."""
+"""A trial's folder: its name, its files, and atomic writing of small files."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def writable(folder: Path) -> Iterator[None]:
 
 
 def sync_folder(folder: Path) -> None:
-    """See that a folder's entries outlive a power cut."""
+    """Sync a folder's entries to disk, so that they survive a power cut."""
     fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(fd)
@@ -79,7 +79,7 @@ def sync_folder(folder: Path) -> None:
 
 
 def write_file(path: Path, text: str) -> None:
-    """Write a small file whole or not at all, readable by its owner alone."""
+    """Write a small file atomically, readable by its owner only."""
     part = path.with_name(path.name + ".part")
     fd = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
     with os.fdopen(fd, "w", encoding="utf-8") as file:

@@ -1,4 +1,4 @@
-"""How a tick passes from the control loop to the log's writer: never blocking, bounded, and outliving a kill.
+"""IPC from the control loop to the log's writer: non-blocking, bounded, and safe against a kill.
 
 A message is one datagram of a local socket pair (SOCK_SEQPACKET: whole or not at all, with an end of file);
 pictures pass through slots of shared memory, because a frame is larger than a socket holds. Both belong to

@@ -1,4 +1,4 @@
-"""Where the live view listens: chosen before anything moves, by a process that does not serve it."""
+"""Chooses the live view's port before anything moves, in a process that does not serve it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ DEFAULT_PORT = 8765
 
 
 def choose_port(port: int) -> int:
-    """See that a live view can be served there; return the port, for 0 one that is free.
+    """Check that a live view can be served there; return the port, for 0 one that is free.
 
     Raises:
         UsageError: the port cannot be had, or the extra `live` is not installed.

@@ -1,9 +1,8 @@
-"""The live view: the log's channels over a websocket of this machine, for Foxglove and its like.
+"""The live view: publishes the log's channels on a local websocket, for Foxglove and similar viewers.
 
-It is for looking only: what a client would publish, set or call is refused, for no capability is offered. A
-client that reads too slowly loses the oldest of `BACKLOG` waiting messages; neither the log nor another
-client ever waits for it. The server's threads are the library's and run in the log writer's process, far from
-the control loop.
+It is read-only: it offers no capability to publish, set or call. A client that reads too slowly loses the
+oldest of `BACKLOG` waiting messages; neither the log nor another client ever waits for it. The server's
+threads are the library's and run in the log writer's process, far from the control loop.
 """
 
 from __future__ import annotations

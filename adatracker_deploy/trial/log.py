@@ -1,4 +1,4 @@
-"""The control loop's side of a trial's log: hands every tick to the writer process and never waits for it."""
+"""The control loop's side of a trial's log: passes every tick to the writer process without waiting."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the operator says of a trial: in a file of its own beside the log, which stays as it was written.
+"""Operator annotations of a trial, in a separate file beside the unchanged log.
 
 ``trial.marks.yaml`` belongs to ``trial.mcap``, and to ``trial.mcap.part``, which becomes it. Marks are added,
 none is changed: the last that names an outcome holds, and ``good`` takes the recorded one back.

@@ -1,4 +1,4 @@
-"""Steps of format 1 as format 2 says them: what the link did, with the tick whose command it answered.
+"""Converts steps of log format 1 to format 2: the link's answer moves to the tick whose command it answered.
 
 In format 1 a record was written before the link had acted on its command: `sent`, `gate` and the latencies
 behind the gate are of the tick before, and what became of the last command is not in the log.

@@ -1,4 +1,4 @@
-"""What a log keeps of those who did not ask to be in it: pictures as they came, blurred, or none."""
+"""Privacy of bystanders: a log keeps images as captured, blurred, or none."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ LASTS_S = 1.0
 
 
 class Anonymiser:
-    """Blurs everyone whom the masks show except the target.
+    """Blurs everybody in the masks except the target.
 
-    Whom no mask has shown, it cannot cover.
+    It cannot cover people who are in no mask.
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""What made a trial: the command, the toolkit's version and commit, the libraries, the machine."""
+"""Provenance of a trial: the command, the toolkit's version and commit, the libraries, the machine."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reads a trial back; one that was cut short (a kill, a full disk) up to its last whole record."""
+"""Reads a trial's log; a truncated one (a kill, a full disk) up to its last complete record."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ class TrialAbout:
     about: Mapping[str, str]
     """When and with which versions it was written."""
     frame_seqs: frozenset[int]
-    """Of the frames that are in the log."""
+    """Sequence numbers of the frames in the log."""
     marks: tuple[Mark, ...] = ()
     """What the operator said of it, in the order of saying."""
 

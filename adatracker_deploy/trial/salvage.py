@@ -1,4 +1,4 @@
-"""Unfinished logs made whole: what a killed writer or a power cut left as ``.mcap.part`` becomes an MCAP.
+"""Recovers unfinished logs: turns the ``.mcap.part`` of a killed writer or a power cut into an MCAP.
 
 Every whole record is written again, for only a finished file has the index that other readers want. The
 original stays until the new file is on the disk. A log that is still being written is left alone: its writer

@@ -1,4 +1,4 @@
-"""The whole records of an MCAP file, whatever its end looks like; what is not wanted is stepped over.
+"""Scans the complete records of an MCAP file, even a truncated one; unwanted records are skipped.
 
 A trial is nearly all pictures: to score it one per cent has to be read. The library's own stream reader reads
 everything. Format: https://mcap.dev/spec.

@@ -1,4 +1,4 @@
-"""Which files lie in and below a folder; a folder that may not be read is not taken for an empty one."""
+"""Finds files in and below a folder; unreadable folders are reported, not taken as empty."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 class Found(NamedTuple):
-    """What a search came to, both sorted."""
+    """Result of a search, both lists sorted."""
 
     files: list[Path]
     refused: list[Path]

@@ -1,4 +1,4 @@
-"""What a chunk of an MCAP file unpacks to, and no more: kilobytes can claim to stand for all of the memory.
+"""Decompresses chunks of an MCAP file within a size allowance, as a defence against decompression bombs.
 
 This toolkit's own logs have no chunks; other tools make them (``mcap compress``, ``mcap recover``).
 """

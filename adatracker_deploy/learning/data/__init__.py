@@ -1,1 +1,2 @@
-"""Training data: recipes, the perturbed expert, shards of episodes on disk, and sequences drawn from them."""
+"""Training data: recipes, the perturbed expert, shards of episodes on disk, and sequences sampled from
+them."""

@@ -1,7 +1,7 @@
-"""Collecting a recipe's data: the perturbed expert in many episodes, shard by shard, on all cores.
+"""Collects a recipe's data: the perturbed expert in many episodes, shard by shard, on all cores.
 
-A shard depends on the recipe, the run's seed and its own number alone. So an interrupted collection goes on
-where it stopped, and any number of workers, or a Ray cluster, leaves the same files behind.
+A shard depends only on the recipe, the run's seed and its own number. So an interrupted collection can be
+resumed, and any number of workers, or a Ray cluster, writes the same files.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ def perturbed_episode(recipe: Recipe, seed: int, steps: int) -> Record:
 
 
 def _is_done(path: Path, steps: int) -> bool:
-    """Tell whether a shard is there; one of another size was the last of a smaller collection."""
+    """Return whether a shard is there; one of another size was the last of a smaller collection."""
     return path.exists() and len(read_shard(path).steps) == steps
 
 

@@ -1,4 +1,4 @@
-"""Sequences of steps with their past, drawn at random from shards that are held in memory."""
+"""Samples sequences of steps with their past from shards held in memory."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the expert is led astray, so that its data show how to get back: the paper's multi-level perturbation.
+"""Perturbs the expert, so that its data show recoveries: the paper's multi-level perturbation.
 
 Each episode has a level, from none to strong. The executed action is the expert's plus noise that is
 correlated in time; at higher levels it is now and then left out, replaced by a random one that is held, or
@@ -19,7 +19,7 @@ LEVELS = (0.0, 0.1, 0.25, 0.5, 1.0)
 
 _CORRELATION_S = 0.6
 _STD = 0.6
-"""Of the noise at level 1, in units of an action."""
+"""Standard deviation of the noise at level 1, in units of an action."""
 _DROPOUT_PER_S = 0.3
 _BURST_PER_S = 0.2
 _WALK_PER_S = 0.05
@@ -48,7 +48,7 @@ class Perturbation:
         return cls(rng, LEVELS[int(rng.integers(len(LEVELS)))])
 
     def __call__(self, action: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return what is executed in the place of an action, shape (2,), in [-1, 1]."""
+        """Return the perturbed action to execute, shape (2,), in [-1, 1]."""
         if self._level == 0.0:
             return action
         keep = math.exp(-1.0 / (RATE_HZ * _CORRELATION_S))

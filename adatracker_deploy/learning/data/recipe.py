@@ -1,4 +1,4 @@
-"""Recipes: what the episodes of a data set are drawn from, as a YAML file."""
+"""Recipes: the distribution of a data set's episodes, as a YAML file."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ Weights = dict[str, Annotated[float, Range(0, 1e6)]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recipe:
-    """What one data set is made of; every draw depends on the episode's seed alone."""
+    """The distribution of one data set; every draw depends only on the episode's seed."""
 
     name: str
     description: str
@@ -77,20 +77,20 @@ class Recipe:
     forward_m_s: Spread
     """The body's limit."""
     backward_share: Spread
-    """Of the limit forward."""
+    """The backward limit, as a share of the forward limit."""
     target_share: Spread
     """The target's speed, as a share of the limit forward."""
     yaw_rate_deg_s: Spread
     lag_s: Spread
     delay_steps: Spread
-    """Of 0.1 s, rounded to whole ones."""
+    """Delay in steps of 0.1 s, rounded to whole steps."""
     paths: Weights
     obstacles: Annotated[float, Range(0, 1)]
-    """Share of the episodes with things in the arena."""
+    """Share of the episodes with obstacles in the arena."""
     others: Spread
     """Other people."""
     crossing: Spread
-    """How many of them, at most, make for the line of sight."""
+    """Largest number of them that cross the line of sight."""
     noise: Weights
 
     def draw(self, seed: int) -> EpisodeSpec:

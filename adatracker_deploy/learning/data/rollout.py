@@ -1,4 +1,4 @@
-"""One episode on its way into a shard: the world steps, the expert labels, everything is written down."""
+"""Rolls out one episode for a shard: steps the world, labels with the expert, records everything."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class Rollout:
-    """An episode in which somebody else chooses the actions and the expert says what it would have done.
+    """An episode driven by any policy and labelled with the expert's actions.
 
     Attributes:
         mask: what is seen now, (64, 64), uint8.

@@ -1,4 +1,4 @@
-"""Search labels: what a clone is to do where the target has left its view.
+"""Search labels: what a cloned policy should do once the target has left its view.
 
 The expert knows where the target went; a policy that sees no target does not, and one that walks past close
 under a high camera leaves by either side almost alike. (Of 617 such gaps in states that a policy visited, the

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 SCHEMA = "adatracker-shard-1"
 SHARD_STEPS = 5000
-"""Of a full shard: some ten episodes, a few seconds of work to lose when a collection is interrupted."""
+"""Steps in a full shard: about ten episodes, a few seconds of work to lose on an interrupt."""
 PACKED = MASK_SIZE * MASK_SIZE // 4
 """Bytes of a packed mask."""
 

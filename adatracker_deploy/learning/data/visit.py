@@ -1,4 +1,4 @@
-"""DAgger's data: many episodes in lock-step, driven by any policy, labelled by the expert.
+"""Collects DAgger's data: many episodes in lock-step, driven by any policy, labelled by the expert.
 
 Ross, Gordon and Bagnell, "A Reduction of Imitation Learning and Structured Prediction to No-Regret Online
 Learning" (AISTATS 2011): the states are the policy's, the labels the expert's, mixed with stretches in which

@@ -1,4 +1,4 @@
-"""Long work in equal parts, on all cores of this machine or of a Ray cluster."""
+"""Runs long work in equal parts, on all cores of this machine or on a Ray cluster."""
 
 from __future__ import annotations
 

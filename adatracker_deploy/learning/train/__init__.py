@@ -1,1 +1,1 @@
-"""Training: an agent, two methods that improve it, and a run that goes on where it was interrupted."""
+"""Training: an agent, two methods, and runs that can be resumed."""

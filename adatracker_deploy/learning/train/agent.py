@@ -1,4 +1,4 @@
-"""The networks as training runs them: over whole sequences, each mask encoded once."""
+"""The agent: the networks run over whole sequences, with each mask encoded once."""
 
 from __future__ import annotations
 

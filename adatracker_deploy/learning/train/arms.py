@@ -1,4 +1,4 @@
-"""The arms of the ablation: what each leaves out, and one arm's training from one seed, in one process."""
+"""Variants of the ablation: what each leaves out, and the training of one variant from one seed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run's curves: ``curves.csv``, always there, and TensorBoard's events where that is installed."""
+"""A run's training curves: always ``curves.csv``, and TensorBoard events if that is installed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""DAgger: cloning the expert's clean action, on states of the perturbed expert and then on the agent's own.
+"""DAgger: clones the expert's clean action, on states of the perturbed expert and then of the agent.
 
 Ours, not the paper's: it asks the expert about visited states, so it is online imitation. Ross, Gordon and
 Bagnell, "A Reduction of Imitation Learning and Structured Prediction to No-Regret Online Learning" (AISTATS
@@ -25,7 +25,7 @@ _DECAY_FROM = 0.5
 _CLONING, _REPRESENTATION = 5.0, 0.3
 """Weights in the loss; like the learning rate a prototype's, whose cloning alone kept SR .96 in `field`."""
 _CLIP = 1.0
-"""Of the gradient's norm."""
+"""Largest norm of the gradient."""
 
 
 class Dagger:

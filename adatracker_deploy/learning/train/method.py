@@ -1,4 +1,4 @@
-"""What the methods share: the interface that a run drives, and the representation loss."""
+"""The interface of training methods, and their shared representation loss."""
 
 from __future__ import annotations
 

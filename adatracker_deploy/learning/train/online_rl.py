@@ -1,4 +1,4 @@
-"""The paper's baseline "Online RL": one policy, fine-tuned by reinforcement learning on body after body.
+"""The paper's baseline "Online RL": one policy, fine-tuned by reinforcement learning on each body in turn.
 
 The paper cites an asymmetric duelling tracker on RGB and tells no more than "fine-tuned for each embodiment
 configuration in a sequential (continual) manner". Here it is recurrent PPO of sb3-contrib (its defaults,
@@ -40,7 +40,7 @@ POLICY_NAME = "policy.pt"
 
 _ENVS = 8
 _STEPS = 128
-"""Of each environment before an update; with 8 environments, 1,024 in all."""
+"""Steps of each environment per update; with 8 environments, 1,024 in all."""
 _BATCH = 256
 
 

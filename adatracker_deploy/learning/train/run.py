@@ -1,4 +1,4 @@
-"""One training run in one folder: rounds of updates, visits between them, snapshots to go on from.
+"""One training run in one folder: rounds of updates, DAgger rollouts between them, snapshots for resuming.
 
     training.pt   the latest snapshot       curves.csv     what the losses did
     policy.pt     the policy as it stands   visited-N/     the data of DAgger's round N
@@ -163,7 +163,7 @@ class _Run:
             curves.close()
 
     def _visit(self, number: int, say: Say) -> None:
-        """See that the data of all rounds up to this one are there, and load them."""
+        """Check that the data of all rounds up to this one are there, and load them."""
         settings = self._settings
         folders = [self._out / f"visited-{index}" for index in range(1, number + 1)]
         say(f"round {number}: visiting {settings.round_steps} steps")

@@ -1,4 +1,4 @@
-"""What a training run is: its method, its variants, its length. Part of every snapshot."""
+"""Settings of a training run: method, variants, length. Part of every snapshot."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ class TrainSettings:
     seed: Annotated[int, Range(0, 1 << 31)] = 0
     updates: Annotated[int, Range(1, 10_000_000)] = 8000
     rounds: Annotated[int, Range(0, 100)] = 3
-    """Of DAgger, after a first part of plain cloning; updates are spread evenly over all parts."""
+    """Rounds of DAgger, after a first part of plain cloning; updates are spread evenly over all parts."""
     round_steps: Annotated[int, Range(1, 100_000_000)] = 100_000
     """Steps that are visited for each round."""
     batch: Annotated[int, Range(1, 4096)] = 16
     length: Annotated[int, Range(2, 1000)] = 48
-    """Of a sequence, steps."""
+    """Length of a sequence, steps."""
     bfloat16: bool = False
     """Pays where the processor multiplies such numbers itself (AMX, a GPU); elsewhere it is slower."""
 

@@ -1,4 +1,4 @@
-"""A run on disk: snapshots to go on from, and the policy as it stands."""
+"""A run on disk: snapshots for resuming, and the current policy."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Snapshot:
 
     settings: TrainSettings
     data_steps: int
-    """Of the data set that the run began with."""
+    """Number of steps in the data set that the run began with."""
     update: int
     """How many were made."""
     learner: dict[str, Any]

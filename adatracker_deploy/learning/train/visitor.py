@@ -1,4 +1,4 @@
-"""The agent at the wheel in many episodes at once: DAgger's visits."""
+"""Rolls out the agent in many episodes at once, for DAgger."""
 
 from __future__ import annotations
 

@@ -88,7 +88,7 @@ def link_checks(url: str, signing_key: str, ignored: str, *, blocking: bool = Fa
 
 
 def _is_private(url: str) -> bool:
-    """Tell whether a URL is the loopback's, or a serial cable's."""
+    """Return whether a URL is the loopback's, or a serial cable's."""
     return url.startswith("serial") or url.partition("://")[2].startswith("127.")
 
 

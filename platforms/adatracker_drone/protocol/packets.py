@@ -144,7 +144,7 @@ def signature_of(packet: Packet) -> tuple[int, int]:
 
 
 def is_signed_with(packet: Packet, key: bytes) -> bool:
-    """Tell whether a signed packet was made by somebody who has the key."""
+    """Return whether a signed packet was made by somebody who has the key."""
     return _digest(key, packet.data[:-6]) == packet.data[-6:]
 
 

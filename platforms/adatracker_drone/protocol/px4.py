@@ -35,7 +35,7 @@ class Mode(enum.Enum):
 
     @property
     def is_auto(self) -> bool:
-        """Tell whether the autopilot navigates by itself."""
+        """Return whether the autopilot navigates by itself."""
         return self in (Mode.TAKEOFF, Mode.HOLD, Mode.RTL, Mode.LAND)
 
 

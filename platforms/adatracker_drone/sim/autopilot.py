@@ -125,7 +125,7 @@ class Autopilot:
         )
 
     def _climbs(self) -> bool:
-        """Tell whether a vehicle on the ground is to lift off."""
+        """Return whether a vehicle on the ground is to lift off."""
         mode = self.commander.mode
         return mode is Mode.TAKEOFF or (
             mode is Mode.OFFBOARD and self._navigator.demand(self._estimate, self._set_point).down < 0

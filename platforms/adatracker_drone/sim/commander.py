@@ -102,7 +102,7 @@ class Commander:
         """When a takeoff reached its altitude and has not been reported finished."""
 
     def ready(self, now_s: float) -> bool:
-        """Tell whether the arming checks of the present mode pass."""
+        """Return whether the arming checks of the present mode pass."""
         if self.armed:
             return self.battery > _LOW_BATTERY
         return not self._arming_obstacle(now_s)

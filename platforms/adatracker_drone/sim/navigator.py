@@ -53,7 +53,7 @@ class SetPoint:
 
     @property
     def asks(self) -> bool:
-        """Tell whether there is anything in it to follow; PX4 ignores one with nothing."""
+        """Return whether there is anything in it to follow; PX4 ignores one with nothing."""
         return any(map(math.isfinite, (*self.position, *self.velocity)))
 
 

@@ -31,7 +31,7 @@ class Parameter:
     high: float
 
     def accepts(self, value: float) -> bool:
-        """Tell whether the value is finite, of the type and in range."""
+        """Return whether the value is finite, of the type and in range."""
         whole = self.kind is Kind.REAL32 or (math.isfinite(value) and float(value).is_integer())
         return whole and self.low <= value <= self.high
 

@@ -243,7 +243,7 @@ def battery_status(now: Instant) -> Message:
 
 
 def extended_sys_state(now: Instant) -> Message:
-    """Tell whether it flies."""
+    """Return whether it flies."""
     return mavlink.MAVLink_extended_sys_state_message(
         mavlink.MAV_VTOL_STATE_UNDEFINED, now.commander.landed_state
     )

@@ -39,7 +39,7 @@ class Commander:
 
     @property
     def matched(self) -> bool:
-        """Tell whether somebody subscribes to the commands."""
+        """Return whether somebody subscribes to the commands."""
         return self._outlet.matched
 
     def walk(self, twist: Twist, stamp_ns: int) -> None:

@@ -111,7 +111,7 @@ class _Tokens:
         self._lock = threading.Lock()
 
     def alive(self) -> bool:
-        """Tell whether at least one is there."""
+        """Return whether at least one is there."""
         with self._lock:
             while (change := self._changes.try_recv()) is not None:
                 if change.kind == zenoh.SampleKind.PUT and len(self._present) < _MOST_TOKENS:

@@ -31,7 +31,7 @@ class Publisher:
 
     @property
     def matched(self) -> bool:
-        """Tell whether somebody subscribes; nothing else would say that nobody does."""
+        """Return whether somebody subscribes; nothing else would say that nobody does."""
         return bool(self._publisher.matching_status.matching)
 
     def put(self, payload: bytes, stamp_ns: int) -> None:

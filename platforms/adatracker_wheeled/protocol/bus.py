@@ -148,7 +148,7 @@ def _stream(driver: Any) -> socket.socket | None:
 
 
 def _ended(stream: socket.socket) -> bool:
-    """Tell whether the other side has closed; takes nothing from the stream."""
+    """Return whether the other side has closed; takes nothing from the stream."""
     return bool(select.select([stream], [], [], 0)[0]) and stream.recv(1, socket.MSG_PEEK) == b""
 
 

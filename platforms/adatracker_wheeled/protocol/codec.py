@@ -162,7 +162,7 @@ class Codec:
         return None if told is None else Demand(**told)
 
     def is_command(self, frame: CanFrame) -> bool:
-        """Tell whether a frame has an id with which hosts command the base, whatever its bytes."""
+        """Return whether a frame has an id with which hosts command the base, whatever its bytes."""
         return self._to_base.knows(frame) and not self._from_base.knows(frame)
 
     def _listen_to_commands(self) -> Dispatch:

@@ -63,7 +63,7 @@ class Dispatch:
             self.add(part.layout, _part_reader(gather, index, part, tell))
 
     def knows(self, frame: CanFrame) -> bool:
-        """Tell whether anybody listens to a frame's id."""
+        """Return whether anybody listens to a frame's id."""
         return (frame.id, frame.extended) in self._known
 
     def read(self, frame: CanFrame) -> Told | None:

@@ -81,7 +81,7 @@ class Part:
         return raws
 
     def matches(self, raws: dict[str, Raw]) -> bool:
-        """Tell whether a frame has this part's meaning: its constants stand in it."""
+        """Return whether a frame has this part's meaning: its constants stand in it."""
         return all(raws[name] == value for name, value in self.constants.items())
 
     def read(self, raws: dict[str, Raw]) -> Quantities:
