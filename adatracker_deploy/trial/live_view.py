@@ -50,7 +50,7 @@ class LiveView:
         self._topics = {number: channel.topic for number, channel in offered.items()}
         self._welcome = (server_info("adatracker-deploy", str(time.time_ns())), advertise(offered))
         try:
-            self._listener = socket.create_server((HOST, port), backlog=MAX_CLIENTS)
+            self._listener = socket.create_server((HOST, port))
         except OSError as error:
             raise port_refused(port, os.strerror(error.errno or 0)) from error
         self._listener.setblocking(False)

@@ -20,12 +20,12 @@ from adatracker_deploy.trial.live_view import MAX_CLIENTS, STOP_TIMEOUT_S, LiveV
 
 pytest.importorskip("websockets", reason="needs the extra 'live'")
 
-from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidStatus  # noqa: E402
-from websockets.sync.client import connect  # noqa: E402
+from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidStatus
+from websockets.sync.client import connect
 
-from adatracker_deploy.trial import live_client  # noqa: E402
-from tests.trial.test_log import eventually  # noqa: E402
-from tests.trial.viewer import SUBPROTOCOL, WAIT_S, Viewer  # noqa: E402
+from adatracker_deploy.trial import live_client
+from tests.trial.test_log import eventually
+from tests.trial.viewer import SUBPROTOCOL, WAIT_S, Viewer
 
 SERVED = ["127.0.0.1", "127.0.0.1:9", "localhost:8080", "LOCALHOST", "[::1]:80", "[::1]"]
 FOREIGN_HOSTS = [
@@ -80,7 +80,6 @@ def connected(port, host=None, origin=None, subprotocols=(SUBPROTOCOL,)):
         sock=sock,
         origin=origin,
         subprotocols=list(subprotocols) or None,
-        proxy=None,
         close_timeout=0.1,
     )
 
@@ -167,7 +166,8 @@ def test_what_is_no_websocket_is_told_nothing(view, request_, status):
     assert b"serverInfo" not in answer
 
 
-def test_a_flood_of_connections_is_bounded_and_passes(view):
+def test_a_flood_of_connections_is_bounded_and_passes(view, monkeypatch):
+    monkeypatch.setattr(live_client, "PATIENCE_S", 60.0)
     shown, port = view
     threads = threading.active_count()
     with contextlib.ExitStack() as held:
@@ -208,8 +208,9 @@ def test_who_never_asks_is_let_go(monkeypatch):
 @pytest.mark.parametrize("parts", [["x" * 70_000], ["x" * 1000] * 70])
 def test_a_request_that_is_too_large_ends_the_connection(view, parts):
     with Viewer(view[1], topics=()) as viewer:
-        with pytest.raises(ConnectionClosed) as ended:
+        with contextlib.suppress(ConnectionClosed):  # it may end before all is sent
             viewer.websocket.send(parts if len(parts) > 1 else parts[0])
+        with pytest.raises(ConnectionClosed) as ended:
             viewer.ask()
         assert ended.value.rcvd.code == 1009
     assert connects(view[1])
@@ -278,7 +279,7 @@ def test_who_asks_and_never_reads_the_answers_is_not_read_any_more(view):
     shown, port = view
     with Viewer(port, topics=(), receive_bytes=1 << 12) as asker, Viewer(port, topics={"/step"}) as watcher:
         asker.socket.settimeout(0.5)
-        with pytest.raises(TimeoutError):  # the kernel's buffers are full, and the view's are not to be
+        with contextlib.suppress(TimeoutError):  # the kernel's buffers are full, and the view's are not to be
             while True:
                 asker.socket.sendall(b"\x81\x80\0\0\0\0" * 1000)  # empty texts
         (client,) = [each for each in shown._clients if not each.wants_to_read]

@@ -25,7 +25,7 @@ from tests.trial.test_log import eventually, log_steps
 
 pytest.importorskip("websockets", reason="needs the extra 'live'")
 
-from tests.trial.viewer import Viewer  # noqa: E402
+from tests.trial.viewer import Viewer
 
 TOPICS = {"/step", "/command", "/camera", "/mask", "/box", "/pose", "/log"}
 
