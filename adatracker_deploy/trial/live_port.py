@@ -20,9 +20,9 @@ def choose_port(port: int) -> int:
         UsageError: the port cannot be had, or the extra `live` is not installed.
     """
     try:
-        importlib.metadata.version("foxglove-sdk")  # not imported: it is the log writer's to load
+        importlib.metadata.version("websockets")  # not imported: it is the log writer's to load
     except importlib.metadata.PackageNotFoundError as error:
-        raise UsageError("--live needs foxglove-sdk: pip install 'adatracker-deploy[live]'") from error
+        raise UsageError("--live needs websockets: pip install 'adatracker-deploy[live]'") from error
     with socket.socket() as asked:
         asked.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the server: what just ended is free
         try:

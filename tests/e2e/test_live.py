@@ -13,7 +13,7 @@ import pytest
 
 from .conftest import started
 
-pytest.importorskip("foxglove", reason="needs the extra 'live'")
+pytest.importorskip("websockets", reason="needs the extra 'live'")
 
 from adatracker_deploy.trial.reader import read_trial
 from tests.trial.viewer import Viewer
