@@ -99,13 +99,10 @@ class Client:
         if not data:
             self.ended = True
             return
-        self._protocol.receive_data(data)
-        for event in self._protocol.events_received():
-            if isinstance(event, Request):
-                self._open(event)
-            elif isinstance(event, Frame):
-                self._hear(event)
-        self._collect()
+        try:
+            self._take(data)
+        except Exception:  # of the library, 13.0: a header that is no UTF-8. What one sends ends itself alone
+            self.ended = True
 
     def write(self) -> None:
         """Send what waits for it, as much as the socket takes."""
@@ -131,8 +128,20 @@ class Client:
         """Release the socket."""
         self.connection.close()
 
+    def _take(self, data: bytes) -> None:
+        self._protocol.receive_data(data)
+        self._collect()
+        for event in self._protocol.events_received():
+            if isinstance(event, Request):
+                self._open(event)
+            elif isinstance(event, Frame):
+                self._hear(event)
+        self._collect()
+
     def _open(self, request: Request) -> None:
         protocol = self._protocol
+        if self._last_words:
+            return  # what it sent right behind its request has ended it already
         refusal = why_refused(request.headers.get_all("Host"), request.headers.get_all("Origin"))
         protocol.send_response(
             protocol.accept(request)

@@ -150,20 +150,32 @@ def test_who_asks_is_seen_before_anything_is_told(view, headers, status):
     assert status_of(view[1], **headers) == status
 
 
+HANDSHAKE = (
+    b"GET / HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+    b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n"
+    b"Sec-WebSocket-Protocol: foxglove.sdk.v%b\r\n\r\n"
+)
+
+
 @pytest.mark.parametrize(
     ("request_", "status"),
     [
         (b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n", b" 426 "),
         (b"GET / HTTP/1.1\r\n\r\n", b" 403 "),
         (b"GET / HTTP/1.1\r\nHost: localhost\r\nHost: evil.example\r\n\r\n", b" 403 "),
+        (HANDSHAKE % b"\x8d", b""),
+        (HANDSHAKE % b"1" + b"\xff" * 20, b""),  # a frame that is none, sent with the request
         (b"\x16\x03\x01 no HTTP at all\r\n\r\n", b""),
         (b"GET / HTTP/1.1\r\nX: " + b"x" * 100_000 + b"\r\n\r\n", b""),
     ],
 )
 def test_what_is_no_websocket_is_told_nothing(view, request_, status):
-    answer = raw(view[1], request_)
+    shown, port = view
+    answer = raw(port, request_)
     assert status in answer
     assert b"serverInfo" not in answer
+    shown.show([])  # it has not failed
+    assert connects(port)
 
 
 def test_a_flood_of_connections_is_bounded_and_passes(view, monkeypatch):
