@@ -15,8 +15,10 @@ if TYPE_CHECKING:
 
 _HOST = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:\d{1,5})?", re.ASCII | re.IGNORECASE)
 _ORIGIN = re.compile(
-    r"https://(app|studio)\.foxglove\.dev|https?://(127\.0\.0\.1|localhost)(:\d{1,5})?", re.ASCII
+    r"https://(app|studio)\.foxglove\.dev|https?://(127\.0\.0\.1|localhost)(:\d{1,5})?|file://", re.ASCII
 )
+"""``file://`` is a desktop application made of pages, or a page that a user has opened from this machine's
+disk; ``null`` may be any page's, in a frame."""
 
 
 def why_refused(hosts: Sequence[str], origins: Sequence[str]) -> str | None:

@@ -46,6 +46,7 @@ WELCOME = [
     "http://localhost:8080",
     "https://localhost:3000",
     "http://127.0.0.1:5000",
+    "file://",
 ]
 FOREIGN = [
     "https://evil.example",
@@ -58,7 +59,7 @@ FOREIGN = [
     "http://localhost@evil.example",
     "http://10.0.0.1",
     "null",
-    "file://",
+    "file://evil.example",
     "",
 ]
 
