@@ -32,7 +32,7 @@ from adatracker_deploy.core.messages import (
     PlatformState,
     Twist,
 )
-from adatracker_deploy.core.stamps import while_told
+from adatracker_deploy.core.stamps import fresh_or_none
 from adatracker_deploy.platform import Body, CameraMount, Check, Platform, Scenario, Sitl
 from adatracker_deploy.registry import load_platform, load_profile, platform_names, profile_names
 from adatracker_deploy.runtime.pacer import Pacer
@@ -71,12 +71,12 @@ __all__ = [
     "Sitl",
     "Twist",
     "UsageError",
+    "fresh_or_none",
     "load_platform",
     "load_profile",
     "parse",
     "platform_names",
     "profile_names",
-    "while_told",
     "wrap_angle",
 ]
 

@@ -39,7 +39,7 @@ class StampOrder:
         return False
 
 
-def while_told(value: T | None, t_ns: int, clock: Clock, timeout_s: float) -> T | None:
+def fresh_or_none(value: T | None, t_ns: int, clock: Clock, timeout_s: float) -> T | None:
     """Return a measurement, or None if it is too old.
 
     Args:

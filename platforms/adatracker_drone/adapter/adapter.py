@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.messages import PlatformState, Twist
-from adatracker_deploy.core.stamps import while_told
+from adatracker_deploy.core.stamps import fresh_or_none
 from adatracker_deploy.platform import Check, Platform
 from adatracker_deploy.runtime.ownership import Claim
 from adatracker_drone.adapter.authority import ControlAuthority
@@ -209,7 +209,7 @@ class DroneAdapter(Platform):
             landed=not heard.in_air or self._stands(heard),
             pose=pose,
             velocity=velocity,
-            battery=while_told(heard.battery, heard.battery_t_ns, self.clock, _BATTERY_TIMEOUT_S),
+            battery=fresh_or_none(heard.battery, heard.battery_t_ns, self.clock, _BATTERY_TIMEOUT_S),
             stopped=self._authority.stopped,
             taken_over=self._authority.taken_over,
         )

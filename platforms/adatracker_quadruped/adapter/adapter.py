@@ -12,7 +12,7 @@ from adatracker_deploy.core.camera import ROBOT
 from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.log_throttle import worth_logging
 from adatracker_deploy.core.messages import ZERO, PlatformState, Twist
-from adatracker_deploy.core.stamps import while_told
+from adatracker_deploy.core.stamps import fresh_or_none
 from adatracker_deploy.platform import Check, Platform
 from adatracker_deploy.runtime.suspend import SuspendWatch
 from adatracker_quadruped.adapter.preflight import judge
@@ -167,7 +167,7 @@ class QuadrupedAdapter(Platform):
     def _charge(self, reading: Reading[float | None] | None) -> float | None:
         if reading is None:
             return None
-        return while_told(reading.value, reading.t_ns, self.clock, self._connection.battery_timeout_s)
+        return fresh_or_none(reading.value, reading.t_ns, self.clock, self._connection.battery_timeout_s)
 
     def notices(self) -> tuple[str, ...]:
         """Return notices about malformed messages from the robot."""

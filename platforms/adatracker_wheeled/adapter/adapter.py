@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from adatracker_deploy.core.errors import PlatformError, UsageError
 from adatracker_deploy.core.log_throttle import worth_logging
 from adatracker_deploy.core.messages import PlatformState, Twist
-from adatracker_deploy.core.stamps import while_told
+from adatracker_deploy.core.stamps import fresh_or_none
 from adatracker_deploy.platform import Check, Platform
 from adatracker_wheeled.adapter.authority import ControlAuthority
 from adatracker_wheeled.adapter.engage import enable
@@ -154,9 +154,9 @@ class WheeledAdapter(Platform):
             t_ns=max(heard.status_t_ns, heard.motion_t_ns),
             mode=heard.status.mode_name if heard.status else "",
             engaged=self._authority.engaged,
-            pose=while_told(heard.pose, heard.pose_t_ns, self.clock, _POSE_TIMEOUT_S),
+            pose=fresh_or_none(heard.pose, heard.pose_t_ns, self.clock, _POSE_TIMEOUT_S),
             velocity=heard.motion,
-            battery=while_told(heard.battery, heard.battery_t_ns, self.clock, self._battery_timeout_s),
+            battery=fresh_or_none(heard.battery, heard.battery_t_ns, self.clock, self._battery_timeout_s),
             stopped=self._authority.stopped,
             taken_over=self._authority.taken_over,
         )
