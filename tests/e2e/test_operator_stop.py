@@ -12,8 +12,10 @@ import threading
 from pathlib import Path
 
 import pytest
+import yaml
 
 from adatracker_deploy.cli import main
+from adatracker_deploy.registry import profile_dir
 from adatracker_deploy.runtime.running import PLACE_VARIABLE, folder
 from adatracker_deploy.trial.reader import read_trial
 
@@ -21,7 +23,7 @@ from .conftest import COMMAND, gone
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(120)]
 
-TRIAL = ("--platform", "wheeled", "--sitl", "--steps", "100000")
+TRIAL = ("--platform", "wheeled", "--sitl", "--profile", "patient.yaml", "--steps", "100000")
 FOLLOWING = "following for"
 
 
@@ -29,6 +31,15 @@ FOLLOWING = "following for"
 def own_folder(tmp_path, monkeypatch):
     """Trials of other tests, which run beside this one, are not this one's to stop."""
     monkeypatch.setenv(PLACE_VARIABLE, str(tmp_path))
+
+
+@pytest.fixture(autouse=True)
+def patient(tmp_path):
+    """A base that two trials at once on two shared cores do not stop: fewer pictures, more patience."""
+    profile = yaml.safe_load((profile_dir() / "scout.yaml").read_text())
+    profile["camera"]["rate_hz"] = 10
+    profile["connection"]["roles"]["timing"]["feedback_timeout_s"] = 1.0
+    (tmp_path / "patient.yaml").write_text(yaml.safe_dump(profile))
 
 
 @pytest.fixture
