@@ -37,7 +37,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument("--out", metavar="DIR", type=Path, required=True, help="the run's folder")
     parser.add_argument("--recipe", metavar="NAME|FILE", default="deploy", help="(default: %(default)s)")
     parser.add_argument(
-        "--method", choices=("dagger", "cql_sac"), default="dagger", help="(default: %(default)s)"
+        "--method", choices=("dagger", "awr", "cql_sac"), default="dagger", help="(default: %(default)s)"
     )
     parser.add_argument(
         "--variant",

@@ -9,12 +9,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from adatracker_drone.platform import DronePlatform
 from pymavlink.dialects.v20 import common as mavlink
 
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import PlatformError, UsageError
 from adatracker_deploy.registry import load_profile
+from adatracker_drone.platform import DronePlatform
 
 
 @pytest.fixture

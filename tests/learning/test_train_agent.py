@@ -13,6 +13,7 @@ from adatracker_deploy.learning.checkpoint import ADATRACKER_MASK, AdaTracker
 from adatracker_deploy.learning.data.dataset import Batch, Dataset
 from adatracker_deploy.learning.data.recipe import load_recipe
 from adatracker_deploy.learning.data.shard import read_shard
+from adatracker_deploy.learning.data.state import COLUMNS
 from adatracker_deploy.learning.rollout import rollout
 from adatracker_deploy.learning.train.agent import Agent, Sequences, drawn
 from adatracker_deploy.learning.train.visitor import Visitor, visit_round
@@ -58,6 +59,7 @@ def batch_of(masks, actions, past):
         log_limits=np.zeros((count, 3), np.float32),
         lag_s=body,
         delay_s=body,
+        states=np.zeros((count, length, len(COLUMNS)), np.float32),
     )
 
 

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import nn
 
+from adatracker_deploy.learning.data.state import COLUMNS
 from adatracker_deploy.learning.networks import Actor, AdaTrackerConfig
 from adatracker_deploy.learning.train.agent import Agent, Sequences
 from adatracker_deploy.learning.train.cql_sac import CqlSac, Transitions, log_sum_exp, sample_action
@@ -86,6 +87,7 @@ def sequences(length, **changes):
         log_limits=torch.zeros(1, 3),
         lag_s=torch.zeros(1),
         delay_s=torch.zeros(1),
+        states=torch.zeros(1, length, len(COLUMNS)),
     )
     return replace(blank, **changes)
 

@@ -19,7 +19,11 @@ from adatracker_deploy.learning.train.run import train
 from adatracker_deploy.learning.train.settings import TrainSettings
 
 TINY = TrainSettings(recipe="paper", updates=6, rounds=1, round_steps=150, batch=2, length=20)
-METHODS = {"dagger": TINY, "cql_sac": replace(TINY, method="cql_sac")}
+METHODS = {
+    "dagger": TINY,
+    "awr": replace(TINY, method="awr", critic_updates=20),
+    "cql_sac": replace(TINY, method="cql_sac"),
+}
 
 
 @pytest.fixture(scope="module")

@@ -5,10 +5,9 @@
 
 import sys
 
-from adatracker_quadruped.platform import QuadrupedPlatform
-
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.messages import Twist
+from adatracker_quadruped.platform import QuadrupedPlatform
 from tests.quadruped.rehearsal import rehearsed, send_for, speed
 
 

@@ -5,12 +5,12 @@ import math
 from typing import ClassVar
 
 import pytest
-from adatracker_wheeled.platform import WheeledPlatform
 from wheeled_rig import InProcess, base_profile
 
 from adatracker_deploy.core.messages import Twist
 from adatracker_deploy.registry import load_profile
 from adatracker_deploy.testing.conformance import PlatformConformance
+from adatracker_wheeled.platform import WheeledPlatform
 
 
 class OnAVirtualBus(WheeledPlatform):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
 
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.data.search import search_labels
 from adatracker_deploy.learning.data.shard import Steps, read_shard, unpack_masks
-from adatracker_deploy.learning.embodiment import Embodiment
+from adatracker_deploy.learning.data.state import described
 from adatracker_deploy.learning.episode_spec import EpisodeSpec
 
 if TYPE_CHECKING:
@@ -61,6 +60,24 @@ class Batch:
     """(B,)."""
     delay_s: NDArray[np.float32]
     """(B,)."""
+    states: NDArray[np.float32]
+    """(B, L, S), true."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Moves:
+    """N single steps by their true states, for critics."""
+
+    states: NDArray[np.float32]
+    """(N, S), before the step."""
+    actions: NDArray[np.float32]
+    """(N, 2), executed."""
+    rewards: NDArray[np.float32]
+    """(N,)."""
+    nexts: NDArray[np.float32]
+    """(N, S), after the step."""
+    done: NDArray[np.bool_]
+    """(N,): the step ended the episode as lost."""
 
 
 class Dataset:
@@ -73,12 +90,14 @@ class Dataset:
 
     def __init__(self, episodes: Iterable[EpisodeHeader], steps: Steps) -> None:
         """Take episodes and their steps, one after the other."""
+        episodes = list(episodes)
         headers = [episode for episode in episodes if episode.steps]
         self.specs: tuple[EpisodeSpec, ...] = tuple(episode.spec for episode in headers)
-        self.steps = steps
+        kept = np.array([episode.steps > 0 for episode in episodes], bool)
+        self.steps = steps if kept.all() else replace(steps, finals=steps.finals[kept])
         self._length: _Index = np.array([episode.steps for episode in headers], np.int64)
         self._first: _Index = np.cumsum(self._length) - self._length
-        self._bodies = np.array([_described(spec.embodiment) for spec in self.specs], np.float32)
+        self._bodies = np.array([described(spec.embodiment) for spec in self.specs], np.float32)
 
     @classmethod
     def open(cls, folders: Iterable[Path]) -> Self:
@@ -121,6 +140,21 @@ class Dataset:
         begin = np.where(rng.random(batch) < START_SHARE, 0, rng.integers(0, longest + 1))
         return self.take(episode, begin, length, history)
 
+    def moves(self, rng: np.random.Generator, count: int) -> Moves:
+        """Draw `count` single steps, each as likely."""
+        index = rng.integers(0, len(self), count)
+        episode = np.searchsorted(self._first, index, side="right") - 1
+        last = index == self._first[episode] + self._length[episode] - 1
+        steps = self.steps
+        after = steps.states[np.where(last, index, index + 1)]
+        return Moves(
+            states=steps.states[index],
+            actions=steps.actions[index],
+            rewards=steps.rewards[index],
+            nexts=np.where(last[:, None], steps.finals[episode], after),
+            done=steps.done[index],
+        )
+
     def take(self, episode: _Index, begin: _Index, length: int, history: int) -> Batch:
         """Return the sequences that begin at steps `begin` (B,) of episodes `episode` (B,)."""
         place = begin[:, None] + np.arange(-history, length)
@@ -139,19 +173,8 @@ class Dataset:
             valid=valid,
             start=begin == 0,
             height_m=body[:, 0],
-            log_limits=body[:, 1:4],
-            lag_s=body[:, 4],
-            delay_s=body[:, 5],
+            log_limits=body[:, 3:6],
+            lag_s=body[:, 6],
+            delay_s=body[:, 7],
+            states=np.where(valid[..., None], steps.states[now], np.float32(0)),
         )
-
-
-def _described(body: Embodiment) -> tuple[float, ...]:
-    slowest = 0.05  # m/s: a body that cannot go back has a logarithm too
-    return (
-        body.height_m,
-        math.log(body.forward_m_s),
-        math.log(max(body.backward_m_s, slowest)),
-        math.log(body.yaw_rate_rad_s),
-        body.lag_s,
-        body.delay_s,
-    )

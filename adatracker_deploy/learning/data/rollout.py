@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from adatracker_deploy.learning.data.shard import EpisodeHeader, Steps, pack_masks
+from adatracker_deploy.learning.data.state import StateColumns
 from adatracker_deploy.learning.expert import Expert
 from adatracker_deploy.learning.tracking import ACTION, Tracking
 from adatracker_deploy.policy.base import to_twist
@@ -37,6 +38,9 @@ class Rollout:
         self._tracking = Tracking(spec, spec.task_settings(steps))
         self.mask: ClassMask = self._tracking.begin().mask
         self._guide = Expert(self._tracking)
+        self._columns = StateColumns(self._tracking)
+        self._states = [self._columns.row()]
+        """One more than steps: the last is where the episode ends."""
         self.expert: NDArray[np.float32] = self._guide.act()
         self.ended = False
         self._dropped = False
@@ -52,6 +56,8 @@ class Rollout:
         action = np.clip(action, -1.0, 1.0).astype(np.float32)
         tick = self._tracking.step(action)
         self._masks.append(self.mask)
+        self._columns.stepped(action, tick.visible)
+        self._states.append(self._columns.row())
         lost = tick.end == "lost"
         self._rows.append((action, self.expert, tick.reward, tick.visible, self._dropped, lost))
         self.mask, self._dropped, self.ended = tick.observation.mask, tick.dropped, bool(tick.end)
@@ -69,5 +75,7 @@ class Rollout:
             visible=np.array(visible),
             dropped=np.array(dropped),
             done=np.array(done),
+            states=np.stack(self._states[:-1]),
+            finals=self._states[-1][None],
         )
         return EpisodeHeader(spec=self._spec, steps=len(steps)), steps

@@ -12,6 +12,8 @@ rewards  float32 (T,)  of the step that `actions` led to
 visible  bool (T,)     the target could be seen after that step, by the task's rule
 dropped  bool (T,)     the mask's frame was lost: it is empty, or the one before
 done     bool (T,)     the step ended the episode as lost; a horizon is no end of the task, and not marked
+states   float32 (T, S) the true state before the step, as `state.COLUMNS` names it
+finals   float32 (E, S) the true state after each episode's last step
 ======== ============= =======================================================================================
 """
 
@@ -31,13 +33,14 @@ from numpy.typing import NDArray
 
 from adatracker_deploy.config.schema import parse
 from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.learning.data.state import COLUMNS
 from adatracker_deploy.learning.episode_spec import MASK_SIZE, EpisodeSpec
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-SCHEMA = "adatracker-shard-1"
+SCHEMA = "adatracker-shard-2"
 SHARD_STEPS = 5000
 """Steps in a full shard: about ten episodes, a few seconds of work to lose on an interrupt."""
 PACKED = MASK_SIZE * MASK_SIZE // 4
@@ -57,7 +60,10 @@ _ARRAYS: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {
     "visible": (np.bool_, ()),
     "dropped": (np.bool_, ()),
     "done": (np.bool_, ()),
+    "states": (np.float32, (len(COLUMNS),)),
+    "finals": (np.float32, (len(COLUMNS),)),
 }
+_PER_EPISODE = "finals"
 
 
 def pack_masks(masks: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -84,6 +90,8 @@ class Steps:
     visible: NDArray[np.bool_]
     dropped: NDArray[np.bool_]
     done: NDArray[np.bool_]
+    states: NDArray[np.float32]
+    finals: NDArray[np.float32]
 
     def __len__(self) -> int:
         return len(self.rewards)
@@ -171,8 +179,9 @@ def read_shard(path: Path) -> Shard:
     total = sum(episode.steps for episode in header.episodes)
     for name, (kind, inner) in _ARRAYS.items():
         array = getattr(steps, name)
-        if array.dtype != kind or array.shape != (total, *inner):
-            expected = f"{kind.__name__} of shape {(total, *inner)}"
+        rows = len(header.episodes) if name == _PER_EPISODE else total
+        if array.dtype != kind or array.shape != (rows, *inner):
+            expected = f"{kind.__name__} of shape {(rows, *inner)}"
             raise UsageError(f"{path}: {name}: expected {expected}, got {array.dtype} {array.shape}")
     return Shard(source=header.source, episodes=header.episodes, steps=steps)
 

@@ -68,6 +68,8 @@ class Sequences:
     """(B,)."""
     delay_s: Tensor
     """(B,)."""
+    states: Tensor
+    """(B, L, S), true; for critics alone."""
 
     @classmethod
     def of(cls, batch: Batch) -> Self:

@@ -24,6 +24,7 @@ from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.data.dataset import Dataset
 from adatracker_deploy.learning.data.recipe import load_recipe
 from adatracker_deploy.learning.train.agent import Agent, Sequences
+from adatracker_deploy.learning.train.awr import Awr
 from adatracker_deploy.learning.train.cql_sac import CqlSac
 from adatracker_deploy.learning.train.curves import Curves
 from adatracker_deploy.learning.train.dagger import Dagger
@@ -106,9 +107,12 @@ def _learner(settings: TrainSettings, device: str) -> Learner:
     except (RuntimeError, AssertionError) as error:
         raise UsageError(f"device {device!r} cannot be used: {str(error).splitlines()[0]}") from error
     agent.train()
-    if settings.method == "dagger":
-        return Dagger(agent, settings)
-    return CqlSac(agent, settings)
+    learners: dict[str, Callable[[Agent, TrainSettings], Learner]] = {
+        "dagger": Dagger,
+        "awr": Awr,
+        "cql_sac": CqlSac,
+    }
+    return learners[settings.method](agent, settings)
 
 
 def _begin_with(agent: Agent, other: Path) -> None:
@@ -148,6 +152,11 @@ class _Run:
     def all_rounds(self, say: Say, tell: Tell) -> None:
         if self._update == 0:
             self._save()  # so that whatever interrupts it, there is something to resume
+        if isinstance(self._learner, Awr):
+            say("fitting the critics to the true states")
+            if told := self._learner.prepare(self._dataset):
+                say(told)
+                self._save()
         curves = Curves(self._out, self._update)
         rounds = self._settings.rounds if self._settings.method == "dagger" else 0
         try:

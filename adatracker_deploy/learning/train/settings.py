@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from adatracker_deploy.config.schema import Range
 from adatracker_deploy.learning.networks import AdaTrackerConfig
 
-Method = Literal["dagger", "cql_sac"]
+Method = Literal["dagger", "awr", "cql_sac"]
 Variant = Literal[
     "no-identification",
     "no-dynamics",
@@ -47,6 +47,10 @@ class TrainSettings:
     batch: Annotated[int, Range(1, 4096)] = 16
     length: Annotated[int, Range(2, 1000)] = 48
     """Length of a sequence, steps."""
+    critic_updates: Annotated[int, Range(1, 1_000_000)] = 3000
+    """Updates of `awr`'s critics, before the policy's first."""
+    conservative: Annotated[float, Range(0, 100)] = 0.0
+    """Weight of the conservative term in the losses of `awr`'s critics."""
     bfloat16: bool = False
     """Pays where the processor multiplies such numbers itself (AMX, a GPU); elsewhere it is slower."""
 

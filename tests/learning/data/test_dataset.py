@@ -22,6 +22,7 @@ from adatracker_deploy.learning.data.shard import (
     unpack_masks,
     write_shard,
 )
+from adatracker_deploy.learning.data.state import COLUMNS
 from adatracker_deploy.learning.embodiment import Embodiment
 from adatracker_deploy.learning.episode_spec import EpisodeSpec
 
@@ -41,6 +42,8 @@ def episode(seed: int, length: int):
         visible=np.ones(length, bool),
         dropped=np.zeros(length, bool),
         done=t == length - 1,
+        states=np.full((length, len(COLUMNS)), seed, np.float32) + t[:, None].astype(np.float32) / 1000,
+        finals=np.full((1, len(COLUMNS)), seed + length / 1000, np.float32),
     )
     return EpisodeHeader(spec=EpisodeSpec(seed=seed, embodiment=body), steps=length), steps
 
@@ -162,7 +165,7 @@ def test_a_shard_of_another_schema_is_refused_by_name(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "SCHEMA", "adatracker-shard-0")
     write_shard(tmp_path / "shard-00000.npz", shard_of(RECORDS))
     monkeypatch.undo()
-    with pytest.raises(UsageError, match="schema 'adatracker-shard-0' is not 'adatracker-shard-1'"):
+    with pytest.raises(UsageError, match="schema 'adatracker-shard-0' is not 'adatracker-shard-2'"):
         Dataset.open([tmp_path])
 
 
@@ -172,3 +175,13 @@ def test_arrays_that_do_not_fit_the_header_are_refused(tmp_path):
     write_shard(tmp_path / "shard-00000.npz", shard_of([(longer, steps)]))
     with pytest.raises(UsageError, match="masks: expected uint8 of shape"):
         Dataset.open([tmp_path])
+
+
+def test_a_single_step_leads_to_the_state_after_it_and_the_last_one_to_where_its_episode_ended(dataset):
+    moves = dataset.moves(np.random.default_rng(0), 2000)
+    np.testing.assert_allclose(moves.nexts - moves.states, 0.001, atol=2e-6)
+    seed, t = np.rint(moves.actions * 1000).T
+    np.testing.assert_allclose(moves.states[:, 0], seed + t / 1000, atol=1e-6)
+    np.testing.assert_array_equal(moves.done, t + 1 == np.take(LENGTHS, seed.astype(int)))
+    np.testing.assert_array_equal(moves.rewards, t + 1)
+    assert set(seed) == {0, 1, 2}

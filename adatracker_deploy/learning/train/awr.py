@@ -1,0 +1,96 @@
+"""Offline reinforcement learning that works here: the logged actions, imitated by how good they were.
+
+Critics of the true state (`critics`) say how much better each executed action was than their own policy's;
+the deployed policy, which sees masks, imitates the executed actions with the exponential of that as a weight.
+Peng et al., "Advantage-Weighted Regression" (2019); Nair et al., "AWAC" (2020). No label of an expert and no
+new rollout enters: perturbed actions are left out by their advantage alone. The loss reaches all networks,
+the representation losses too.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import torch
+from torch import Tensor
+
+from adatracker_deploy.learning.losses import cloning_loss
+from adatracker_deploy.learning.train.agent import Agent, Sequences
+from adatracker_deploy.learning.train.critics import StateCritics
+from adatracker_deploy.learning.train.method import counted, representation_losses
+from adatracker_deploy.learning.train.settings import TrainSettings
+
+if TYPE_CHECKING:
+    from adatracker_deploy.learning.data.dataset import Dataset
+
+_SHARPNESS = 15.0
+"""Beta: an action worth one spread more weighs e^15 times as much; 2 and 5 were worse."""
+_MOST = 20.0
+"""Largest weight."""
+_CLONING, _REPRESENTATION = 5.0, 0.3
+_RATE = 1e-3
+_CLIP = 1.0
+
+
+class Awr:
+    """Implements `Learner`.
+
+    Attributes:
+        critics: fitted by `prepare`.
+    """
+
+    def __init__(self, agent: Agent, settings: TrainSettings) -> None:
+        self.agent = agent
+        self._settings = settings
+        self.critics = StateCritics().to(next(agent.parameters()).device)
+        self._optimizer = torch.optim.Adam(agent.parameters(), lr=_RATE)
+
+    def prepare(self, data: Dataset) -> str:
+        """Fit the critics, once; return what came of it, in a line."""
+        if self.critics.fitted:
+            return ""
+        settings = self._settings
+        told = self.critics.fit(
+            data, updates=settings.critic_updates, conservative=settings.conservative, seed=settings.seed
+        )
+        return f"critics: {settings.critic_updates} updates, loss {told['critics']:.4f}"
+
+    def update(self, sequences: Sequences, number: int) -> dict[str, Tensor]:
+        """Take one step of Adam."""
+        first = self._settings.rate or _RATE
+        for group in self._optimizer.param_groups:
+            group["lr"] = first * 0.5 * (1 + math.cos(math.pi * number / self._settings.updates))
+        executed = sequences.actions[:, -sequences.valid.shape[1] :]
+        advantage = self.critics.advantage(sequences.states, executed)
+        weight = (_SHARPNESS * advantage).exp().clamp(max=_MOST)
+        with torch.autocast(sequences.masks.device.type, torch.bfloat16, enabled=self._settings.bfloat16):
+            recalled = self.agent.recall(sequences)
+            mean, _ = self.agent.policy.actor(recalled.x)
+            parts = {"cloning": cloning_loss(mean, executed, counted(sequences) * weight)}
+            parts |= representation_losses(self.agent, recalled.z, sequences, self._settings)
+        weights = {"cloning": _CLONING}
+        loss = sum(
+            (weights.get(name, _REPRESENTATION) * part for name, part in parts.items()),
+            start=torch.zeros((), device=sequences.masks.device),
+        )
+        self._optimizer.zero_grad()
+        loss.backward()  # type: ignore[no-untyped-call]
+        torch.nn.utils.clip_grad_norm_(self.agent.parameters(), _CLIP)
+        self._optimizer.step()
+        told = {"loss": loss, "weight": (weight * counted(sequences)).sum() / counted(sequences).sum()}
+        return {name: value.detach() for name, value in (told | parts).items()}
+
+    def state_dict(self) -> dict[str, Any]:
+        """Return weights and Adam's moments."""
+        return {
+            "agent": self.agent.state_dict(),
+            "critics": self.critics.state_dict(),
+            "optimizer": self._optimizer.state_dict(),
+        }
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Take up what `state_dict` returned."""
+        self.agent.load_state_dict(state["agent"])
+        self.critics.load_state_dict(state["critics"])
+        self._optimizer.load_state_dict(state["optimizer"])
