@@ -165,7 +165,8 @@ _DISENGAGING = _in(
     Row("tracker_kill", "told", 0.0, ANY),
     Row("tracker_stop", "told", 0.0, ANY, on=DRONE, elsewhere=_SAME),
     Row("link_kill", "told", 0.0, ANY, on=GROUND),
-    Row("link_kill", "told", 0.0, ANY, on=DRONE, after_s=0.5),  # sooner it hovers in HOLD
+    # Sooner, it was told HOLD and not LAND yet, and hovers.
+    Row("link_kill", "told", 0.0, ANY, on=DRONE, after_s=0.5, variant=" once told to land"),
     Row("link_stop", "told", 0.0, ANY, on=DRONE, elsewhere=_SAME),
     Row("link_drop", "told", 0.0, ANY, on=("drone", "wheeled"), elsewhere="it stands and is told nothing"),
     Row("robot_frozen", "told", 0.0, ANY, on=DRONE, elsewhere="it stands already"),
