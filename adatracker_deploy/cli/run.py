@@ -331,9 +331,9 @@ def _faults(
 def _simulator(args: argparse.Namespace, platform: type[Platform], profile: Profile) -> Sitl | None:
     if args.simulator is None or not args.sitl:
         return None
-    from adatracker_deploy.faults.running_simulator import RunningFarEnd
+    from adatracker_deploy.faults.running_simulator import RunningSimulator
 
-    return RunningFarEnd(args.simulator, platform, profile)
+    return RunningSimulator(args.simulator, platform, profile)
 
 
 def _segmenter(

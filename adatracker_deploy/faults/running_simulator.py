@@ -1,7 +1,7 @@
 """A simulator that outlives its runs: a second run finds the robot as the first left it.
 
 The fault matrix starts it (`serving`) and passes its address to a run in a file; the run uses it
-(`RunningFarEnd`) as if it had started it, including its faults.
+(`RunningSimulator`) as if it had started it, including its faults.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def serving(
                 passing.join()
 
 
-class RunningFarEnd(Sitl):
+class RunningSimulator(Sitl):
     """A handle, in a run, on a simulator that is already running.
 
     Args:

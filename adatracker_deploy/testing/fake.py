@@ -53,7 +53,7 @@ class FakeConnection:
     """A file: the robot tells nothing while it is there. Empty for one that always tells."""
 
 
-class FakeFarEnd(Sitl):
+class FakeSimulator(Sitl):
     """Nothing is behind the wire: the fake platform is its own robot, but it can be told to be silent."""
 
     faults = (ROBOT_SILENT,)
@@ -188,7 +188,7 @@ class FakePlatform(Platform):
     @classmethod
     def sitl(cls, profile: Profile) -> Sitl:
         """Return the simulator that is not there."""
-        return FakeFarEnd(profile)
+        return FakeSimulator(profile)
 
     def _require_connection(self) -> None:
         if not self._connected:

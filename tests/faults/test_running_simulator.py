@@ -8,7 +8,7 @@ import threading
 import pytest
 
 from adatracker_deploy.core.faults import LINK_DROP
-from adatracker_deploy.faults.running_simulator import RunningFarEnd, serving
+from adatracker_deploy.faults.running_simulator import RunningSimulator, serving
 from adatracker_deploy.platform import Scenario, Sitl
 from adatracker_deploy.testing.fake import FakePlatform, fake_profile
 
@@ -42,7 +42,7 @@ def test_two_runs_meet_the_same_robot(tmp_path, monkeypatch):
     monkeypatch.setattr(FakePlatform, "sitl", lambda _: simulator)
     with serving(FakePlatform, profile, Scenario(), tmp_path) as (file, witness):
         for number in (1, 2):
-            with RunningFarEnd(file, FakePlatform, profile) as run:
+            with RunningSimulator(file, FakePlatform, profile) as run:
                 assert run.start(None, Scenario()).camera.uri == "http://127.0.0.1:4711/stream"
                 assert (run.faults, run.witness) == ((LINK_DROP,), witness)
                 run.order(f"begin {number}")

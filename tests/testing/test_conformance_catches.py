@@ -15,7 +15,7 @@ from adatracker_deploy.platform import Check, Scenario
 from adatracker_deploy.sim.bodies import KinematicBody
 from adatracker_deploy.testing import fake
 from adatracker_deploy.testing.conformance import STOPS, PlatformConformance
-from adatracker_deploy.testing.fake import FakeConnection, FakeFarEnd, FakePlatform, fake_profile
+from adatracker_deploy.testing.fake import FakeConnection, FakePlatform, FakeSimulator, fake_profile
 
 
 class MovesBeforeEngage(FakePlatform):
@@ -171,7 +171,7 @@ def test_a_robot_that_drives_on_through_or_after_silence_fails(mutant):
 
 
 def test_a_simulator_that_cannot_be_silent_is_told_what_to_do(monkeypatch):
-    monkeypatch.setattr(FakeFarEnd, "faults", ())
+    monkeypatch.setattr(FakeSimulator, "faults", ())
     with pytest.raises(AssertionError, match="let the simulator obey robot_silent"):
         suite.test_a_robot_that_fell_silent_and_is_heard_again_stays_stopped(
             FakePlatform.sitl(PROFILE), engaged(FakePlatform)

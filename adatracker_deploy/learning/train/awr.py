@@ -15,10 +15,9 @@ from typing import TYPE_CHECKING, Any
 import torch
 from torch import Tensor
 
-from adatracker_deploy.learning.losses import cloning_loss
 from adatracker_deploy.learning.train.agent import Agent, Sequences
 from adatracker_deploy.learning.train.critics import StateCritics
-from adatracker_deploy.learning.train.method import counted, representation_losses
+from adatracker_deploy.learning.train.method import counted, imitate
 from adatracker_deploy.learning.train.settings import TrainSettings
 
 if TYPE_CHECKING:
@@ -28,9 +27,7 @@ _SHARPNESS = 15.0
 """Beta: an action worth one spread more weighs e^15 times as much; 2 and 5 were worse."""
 _MOST = 20.0
 """Largest weight."""
-_CLONING, _REPRESENTATION = 5.0, 0.3
 _RATE = 1e-3
-_CLIP = 1.0
 
 
 class Awr:
@@ -64,22 +61,15 @@ class Awr:
         executed = sequences.actions[:, -sequences.valid.shape[1] :]
         advantage = self.critics.advantage(sequences.states, executed)
         weight = (_SHARPNESS * advantage).exp().clamp(max=_MOST)
-        with torch.autocast(sequences.masks.device.type, torch.bfloat16, enabled=self._settings.bfloat16):
-            recalled = self.agent.recall(sequences)
-            mean, _ = self.agent.policy.actor(recalled.x)
-            parts = {"cloning": cloning_loss(mean, executed, counted(sequences) * weight)}
-            parts |= representation_losses(self.agent, recalled.z, sequences, self._settings)
-        weights = {"cloning": _CLONING}
-        loss = sum(
-            (weights.get(name, _REPRESENTATION) * part for name, part in parts.items()),
-            start=torch.zeros((), device=sequences.masks.device),
+        told = imitate(
+            self.agent,
+            self._optimizer,
+            sequences,
+            actions=executed,
+            weight=counted(sequences) * weight,
+            settings=self._settings,
         )
-        self._optimizer.zero_grad()
-        loss.backward()  # type: ignore[no-untyped-call]
-        torch.nn.utils.clip_grad_norm_(self.agent.parameters(), _CLIP)
-        self._optimizer.step()
-        told = {"loss": loss, "weight": (weight * counted(sequences)).sum() / counted(sequences).sum()}
-        return {name: value.detach() for name, value in (told | parts).items()}
+        return told | {"weight": (weight * counted(sequences)).sum() / counted(sequences).sum()}
 
     def state_dict(self) -> dict[str, Any]:
         """Return weights and Adam's moments."""

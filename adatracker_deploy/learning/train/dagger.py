@@ -13,19 +13,14 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from adatracker_deploy.learning.losses import cloning_loss
 from adatracker_deploy.learning.train.agent import Agent, Sequences
-from adatracker_deploy.learning.train.method import counted, representation_losses
+from adatracker_deploy.learning.train.method import counted, imitate
 from adatracker_deploy.learning.train.settings import TrainSettings
 
 _RATE = 1e-3
 _LAST_RATE = 2e-5
 _DECAY_FROM = 0.5
 """Share of the run after which the learning rate falls, along a cosine, to the last one."""
-_CLONING, _REPRESENTATION = 5.0, 0.3
-"""Weights in the loss; like the learning rate a prototype's, whose cloning alone kept SR .96 in `field`."""
-_CLIP = 1.0
-"""Largest norm of the gradient."""
 
 
 class Dagger:
@@ -40,21 +35,14 @@ class Dagger:
         """Take one step of Adam."""
         for group in self._optimizer.param_groups:
             group["lr"] = learning_rate(number / self._settings.updates, self._settings.rate or _RATE)
-        with torch.autocast(sequences.masks.device.type, torch.bfloat16, enabled=self._settings.bfloat16):
-            recalled = self.agent.recall(sequences)
-            mean, _ = self.agent.policy.actor(recalled.x)
-            parts = {"cloning": cloning_loss(mean, sequences.experts, counted(sequences))}
-            parts |= representation_losses(self.agent, recalled.z, sequences, self._settings)
-        weights = {"cloning": _CLONING}
-        loss = sum(
-            (weights.get(name, _REPRESENTATION) * part for name, part in parts.items()),
-            start=torch.zeros((), device=sequences.masks.device),
+        return imitate(
+            self.agent,
+            self._optimizer,
+            sequences,
+            actions=sequences.experts,
+            weight=counted(sequences),
+            settings=self._settings,
         )
-        self._optimizer.zero_grad()
-        loss.backward()  # type: ignore[no-untyped-call]
-        torch.nn.utils.clip_grad_norm_(self.agent.parameters(), _CLIP)
-        self._optimizer.step()
-        return {"loss": loss.detach()} | {name: part.detach() for name, part in parts.items()}
 
     def state_dict(self) -> dict[str, Any]:
         """Return weights and Adam's moments."""

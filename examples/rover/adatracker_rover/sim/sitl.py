@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from adatracker_deploy import Clock, Profile, Scenario
 
 RATE_HZ = 50.0
-"""Of the rover's control loop and of its reports."""
+"""Rate of the rover's control loop and of its reports."""
 _MOST_DATAGRAMS = 100
 """Read in one turn: a flood must not keep the rover from being driven."""
 
