@@ -6,78 +6,9 @@ modules may move between minor versions. No robot's library is imported here: ea
 own, found by the entry-point group ``adatracker_deploy.platforms``. `docs/architecture.md` shows the rooms.
 """
 
-from adatracker_deploy.config.limits import Limits
-from adatracker_deploy.config.profile import CameraSettings, Profile
-from adatracker_deploy.config.schema import Range, parse
-from adatracker_deploy.core.camera import Camera
-from adatracker_deploy.core.clock import Clock, FakeClock, MonotonicClock
-from adatracker_deploy.core.errors import PlatformError, UsageError
-from adatracker_deploy.core.faults import (
-    BATTERY_LOW,
-    CAMERA_FREEZE,
-    CAMERA_GONE,
-    LINK_DROP,
-    ROBOT_SILENT,
-    TAKEOVER,
-    Fault,
-)
-from adatracker_deploy.core.geometry import Pose, wrap_angle
-from adatracker_deploy.core.messages import (
-    ZERO,
-    Action,
-    Box,
-    Frame,
-    MaskClass,
-    Observation,
-    PlatformState,
-    Twist,
-)
-from adatracker_deploy.core.stamps import fresh_or_none
-from adatracker_deploy.platform import Body, CameraMount, Check, Platform, Scenario, Sitl
-from adatracker_deploy.registry import load_platform, load_profile, platform_names, profile_names
-from adatracker_deploy.runtime.pacer import Pacer
-
-__all__ = [
-    "BATTERY_LOW",
-    "CAMERA_FREEZE",
-    "CAMERA_GONE",
-    "LINK_DROP",
-    "ROBOT_SILENT",
-    "TAKEOVER",
-    "ZERO",
-    "Action",
-    "Body",
-    "Box",
-    "Camera",
-    "CameraMount",
-    "CameraSettings",
-    "Check",
-    "Clock",
-    "FakeClock",
-    "Fault",
-    "Frame",
-    "Limits",
-    "MaskClass",
-    "MonotonicClock",
-    "Observation",
-    "Pacer",
-    "Platform",
-    "PlatformError",
-    "PlatformState",
-    "Pose",
-    "Profile",
-    "Range",
-    "Scenario",
-    "Sitl",
-    "Twist",
-    "UsageError",
-    "fresh_or_none",
-    "load_platform",
-    "load_profile",
-    "parse",
-    "platform_names",
-    "profile_names",
-    "wrap_angle",
-]
+import lazy_loader
 
 __version__ = "0.1.0"
+
+# Loaded at first use: whatever imports a module of the toolkit, such as `stop`, imports this one, too.
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

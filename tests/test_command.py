@@ -6,6 +6,8 @@ import errno
 import json
 import os
 import socket
+import subprocess
+import sys
 
 import pytest
 import yaml
@@ -113,3 +115,17 @@ def test_the_listings_name_what_there_is(capsys, listing, name):
     assert name in json.loads(capsys.readouterr().out)[listing]
     assert main([listing]) == 0
     assert name in capsys.readouterr().out
+
+
+def test_a_stop_from_another_terminal_waits_for_no_library():
+    code = (
+        "import contextlib, json, sys\n"
+        "from adatracker_deploy.cli import main\n"
+        "with contextlib.suppress(SystemExit), contextlib.redirect_stdout(None):\n"
+        "    main(['stop', '--help'])\n"
+        "print(json.dumps(list(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    loaded = set(json.loads(done.stdout))
+    assert "adatracker_deploy.cli.stop" in loaded
+    assert not loaded & {"numpy", "onnxruntime", "cv2", "rich", "adatracker_deploy.registry"}

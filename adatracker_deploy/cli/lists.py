@@ -6,7 +6,6 @@ import json
 from typing import TYPE_CHECKING
 
 from adatracker_deploy.core.errors import UsageError
-from adatracker_deploy.registry import load_platform, load_profile, platform_names, profile_names
 
 if TYPE_CHECKING:
     import argparse
@@ -38,6 +37,8 @@ def _show(name: str, rows: dict[str, str], as_json: bool) -> int:
 
 
 def _platforms() -> dict[str, str]:
+    from adatracker_deploy.registry import load_platform, platform_names
+
     def line(name: str) -> str:
         try:
             platform = load_platform(name)
@@ -49,6 +50,8 @@ def _platforms() -> dict[str, str]:
 
 
 def _profiles() -> dict[str, str]:
+    from adatracker_deploy.registry import load_profile, profile_names
+
     def line(name: str) -> str:
         try:
             profile = load_profile(name)

@@ -16,7 +16,6 @@ from adatracker_deploy.cli.extras import need
 from adatracker_deploy.cli.ranges import real, whole
 from adatracker_deploy.cli.seeing import add_segmenter_options
 from adatracker_deploy.core.errors import UsageError
-from adatracker_deploy.core.record import RESULTS
 from adatracker_deploy.policy.catalogue import DEFAULT
 from adatracker_deploy.trial.live_port import DEFAULT_PORT, choose_port
 
@@ -136,6 +135,7 @@ def run(args: argparse.Namespace) -> int:
     """Run the trials, show their scores, and return the exit status."""
     from rich.console import Console
 
+    from adatracker_deploy.core.record import RESULTS
     from adatracker_deploy.runtime.operator_stop import StopRequest
     from adatracker_deploy.runtime.running import Announcement
     from adatracker_deploy.scoring.summary import summarise_set, timing_words
@@ -209,6 +209,8 @@ def _run_all(
 
 def _may_follow(plan: TrialPlan, outcome: str) -> bool:
     """Return whether there may be another trial after one that ended so."""
+    from adatracker_deploy.core.record import RESULTS
+
     moves = not (plan.sitl or plan.dry_run)
     return outcome in RESULTS or (not moves and outcome != "interrupted")
 
