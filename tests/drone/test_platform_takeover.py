@@ -108,6 +108,24 @@ def test_a_pilot_who_takes_it_while_it_engages_has_it(phase, mode):
         assert len(drone.since(switched_s + 0.3)) == 0
 
 
+def test_a_pilot_who_takes_it_once_it_is_armed_is_not_overridden_by_the_take_off(monkeypatch):
+    with watched() as (drone, platform):
+        commander = drone.autopilot.commander
+        arm = commander.arm
+
+        def arm_and_lose(now_s, *, force):
+            result = arm(now_s, force=force)
+            commander.request(Mode.POSCTL, now_s)
+            return result
+
+        monkeypatch.setattr(commander, "arm", arm_and_lose)
+        with pytest.raises(PlatformError, match="went to POSCTL by its pilot"):
+            platform.engage()
+        platform.disengage()
+        assert not {told.order for told in drone.since(0.0)} & {"TAKEOFF", "LAND"}
+        assert drone.mode is Mode.POSCTL
+
+
 def test_a_pilot_who_stops_our_landing_has_it():
     with watched(speed=2.0) as (drone, platform):
         platform.engage()

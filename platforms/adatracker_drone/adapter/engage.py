@@ -102,6 +102,7 @@ class Manoeuvres:
         self._authority.take_charge()
         self._authority.expect(vehicle, vehicle.heard.mode)
         self.talk.order(ARM)
+        self._stay_ours()
         self.talk.order(TAKE_OFF, "TAKEOFF", "HOLD")
         settled_ns = self.talk.deadline_ns(_SETTLE_S)
         self.talk.demand(
@@ -135,8 +136,7 @@ class Manoeuvres:
         self._authority.expect(vehicle, "HOLD")
         self.talk.wait(lambda: self._clock.now_ns() >= proven_ns, PROOF_OF_LIFE_S, self.talk.keep_alive)
         self._authority.take_charge()
-        if not self.talk.is_ours():
-            self._authority.require_consent()
+        self._stay_ours()
         self._authority.hold_altitude(vehicle, altitude_band(self._connection, self._limits))
         for _ in range(2):
             self.talk.order(OFFBOARD, "OFFBOARD")
@@ -188,6 +188,15 @@ class Manoeuvres:
             )
         if self._gone(heard, settled_ns):
             self._authority.lose(f"the drone went to {heard.mode} while it landed: by its pilot")
+
+    def _stay_ours(self) -> None:
+        """Ask for the mode before a command that changes it, which would take the drone from its pilot.
+
+        Raises:
+            PlatformError: consent was revoked, as by a pilot's mode, or the autopilot does not answer.
+        """
+        if not self.talk.is_ours():
+            self._authority.require_consent()
 
     @staticmethod
     def _gone(heard: VehicleState, settled_ns: int) -> bool:
