@@ -1,9 +1,10 @@
 """What all tests share: figures that are shown after the run, and robots that drive in real time.
 
 Tests run in two processes, a file at a time (``-n 2 --dist loadfile``). Files that drive robots for long come
-last, so that two cores then have two robots at most and nothing else; before a file of real-time tests what
-earlier ones left is collected, once; and a real-time test that failed while the machine itself stood still is
-run again (`reruns`), which is shown after the run and counted.
+late, so that two cores then have two robots at most and nothing else, and whole rehearsals come last, one at
+a time (`alone`). Before a file of real-time tests what earlier ones left is collected, once; and a real-time
+test that failed while the machine itself stood still is run again (`reruns`), which is shown after the run
+and counted.
 """
 
 from __future__ import annotations
@@ -14,7 +15,9 @@ from pathlib import Path
 import hypothesis
 import pytest
 
-pytest_plugins = ["tests.reruns"]
+from tests.alone import is_alone
+
+pytest_plugins = ["tests.alone", "tests.reruns"]
 
 IN_CI = bool(os.environ.get("CI"))
 """There the same examples are drawn each time, so that a change is judged by what it changes."""
@@ -49,14 +52,14 @@ def measured(record_property):
 
 
 def pytest_collection_modifyitems(items):
-    last = set()
+    late = set()
     for item in items:
         path = item.path.relative_to(TESTS).as_posix() if item.path.is_relative_to(TESTS) else ""
         if path.startswith(REAL_TIME):
             item.add_marker("realtime")
             if item.get_closest_marker("slow"):
-                last.add(item.path)
-    items.sort(key=lambda item: item.path in last)
+                late.add(item.path)
+    items.sort(key=lambda item: (is_alone(item.path), item.path in late))
 
 
 def pytest_terminal_summary(terminalreporter):
