@@ -15,8 +15,6 @@ from pathlib import Path
 import hypothesis
 import pytest
 
-from tests.alone import is_alone
-
 pytest_plugins = ["tests.alone", "tests.reruns"]
 
 IN_CI = bool(os.environ.get("CI"))
@@ -52,6 +50,8 @@ def measured(record_property):
 
 
 def pytest_collection_modifyitems(items):
+    from tests.alone import is_alone  # not before pytest has loaded that plugin and rewritten its asserts
+
     late = set()
     for item in items:
         path = item.path.relative_to(TESTS).as_posix() if item.path.is_relative_to(TESTS) else ""

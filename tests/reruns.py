@@ -4,12 +4,13 @@ A pytest plugin, which `conftest` loads. A test is run again only if
 
 * it is marked ``realtime`` and really was: since it, or its class, began, it started a thread or a process,
   or used a socket. A pure test that fails has failed;
-* the machine stood still while it ran: from its own start, its fixtures' set-up included, to its own end. A
-  class's robot is started in its first test's window. A stall that stopped it in an earlier test fails that
-  one, which is run again with a new robot; one after which an earlier test passed has stopped nothing.
+* the machine stood still while it ran, or its host took a share of the processors: from the test's own
+  start, its fixtures' set-up included, to its own end. A class's robot is started in its first test's window.
+  A stall that stopped it in an earlier test fails that one, which is run again with a new robot; one after
+  which an earlier test passed has stopped nothing.
 
 Every try that failed is shown at the end of the run and counted, and in CI more than `MOST_FAILED_TRIES` fail
-it: a test that fails three times of four is no test that passes.
+it: a test that fails two times of three is no test that passes.
 """
 
 from __future__ import annotations
@@ -26,13 +27,13 @@ from typing import TYPE_CHECKING
 import pytest
 from _pytest.runner import runtestprotocol
 
-from tests.witness import Witness
+from tests.witness import STOLEN, Witness, processor_times, stolen_share
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-TRIES = 4
-MOST_FAILED_TRIES = 3
+TRIES = 3
+MOST_FAILED_TRIES = 6
 FAILED_TRY = "failed try"
 _REAL_TIME_EVENTS = frozenset(
     {
@@ -112,13 +113,13 @@ def pytest_runtest_protocol(item, nextitem):
     watched = witness()  # from now on
     events = _begin(item.getparent(pytest.Class) or item)
     for tries_left in reversed(range(TRIES)):
-        since_s = time.monotonic()
+        since_s, times = time.monotonic(), processor_times()
         reports = runtestprotocol(item, nextitem=nextitem, log=False)
-        stall_s = watched.longest_s(since_s)
+        trouble = _trouble(watched.longest_s(since_s), stolen_share(times, processor_times()))
         failed = [report for report in reports if report.failed]
-        if not (tries_left and stall_s and failed and _events > events):
+        if not (tries_left and trouble and failed and _events > events):
             break
-        _note(item, failed[0], stall_s)
+        _note(item, failed[0], trouble)
         item.session._setupstate.teardown_exact(None)  # a class's robot may be what has stopped
         watched.wait_until_calm()
     for report in reports:
@@ -127,11 +128,18 @@ def pytest_runtest_protocol(item, nextitem):
     return True
 
 
-def _note(item, report, stall_s: float) -> None:
+def _trouble(stall_s: float, stolen: float) -> str:
+    """Return what was wrong with the machine meanwhile; empty if nothing was."""
+    if stall_s:
+        return f"the machine stood still for {stall_s:.2f} s"
+    return f"the machine's host took {100 * stolen:.0f} % of it" if stolen >= STOLEN else ""
+
+
+def _note(item, report, trouble: str) -> None:
     """Keep how a try failed; it travels with the last try's reports, from a worker process too."""
     crash = getattr(report.longrepr, "reprcrash", None)
     why = (crash.message if crash else str(report.longrepr)).strip().splitlines()[0]
-    said = f"{item.nodeid}: {why} (the machine stood still for {stall_s:.2f} s)"
+    said = f"{item.nodeid}: {why} ({trouble})"
     item.user_properties = [*item.user_properties, (FAILED_TRY, said)]
 
 

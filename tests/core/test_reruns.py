@@ -19,6 +19,7 @@ class Machine:
     def wait_until_calm(self): pass
 
 tests.reruns.witness = Machine
+tests.reruns.stolen_share = lambda before, after: 0.0
 """
 
 
@@ -65,21 +66,35 @@ def test_a_pure_test_that_fails_has_failed_however_the_machine_stalls(run):
 
 
 def test_each_try_that_failed_is_shown_with_its_reason_and_counted(run):
-    status, shown = run(FAILS.format(names=["a"], waits="threading.Thread(target=int).start()", fails=3))
+    status, shown = run(FAILS.format(names=["a"], waits="threading.Thread(target=int).start()", fails=2))
     assert status == 0
     assert "1 passed" in shown
-    for number in (1, 2, 3):
+    for number in (1, 2):
         assert f"test_it.py::test_it[a]: AssertionError: try {number}" in shown
-    assert "3 in all" in shown
+    assert "2 in all" in shown
+
+
+def test_a_test_that_fails_each_time_has_failed(run):
+    status, shown = run(FAILS.format(names=["a"], waits="threading.Thread(target=int).start()", fails=3))
+    assert (status, "1 failed" in shown) == (1, True)
+
+
+@pytest.mark.parametrize(("stolen", "expected"), [(0.2, 0), (0.01, 1)])
+def test_a_host_that_takes_the_processors_explains_a_failure(run, stolen, expected):
+    taken = STALLED.replace("return 0.3", "return 0.0").replace("after: 0.0", f"after: {stolen}")
+    body = FAILS.format(names=["a"], waits="threading.Thread(target=int).start()", fails=1)
+    status, shown = run(body, conftest=taken)
+    assert status == expected
+    assert ("AssertionError: try 1 (the machine's host took 20 % of it)" in shown) == (not expected)
 
 
 @pytest.mark.parametrize(("ci", "expected"), [(True, 1), (False, 0)])
 def test_ci_fails_where_more_than_a_few_tries_did_though_every_test_passed(run, ci, expected):
     status, shown = run(
-        FAILS.format(names=["a", "b"], waits="threading.Thread(target=int).start()", fails=2), ci=ci
+        FAILS.format(names=["a", "b", "c", "d"], waits="threading.Thread(target=int).start()", fails=2), ci=ci
     )
-    assert "2 passed" in shown
-    assert "4 in all; CI allows 3" in shown
+    assert "4 passed" in shown
+    assert "8 in all; CI allows 6" in shown
     assert status == expected
 
 
