@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 TRIES = 3
-MOST_FAILED_TRIES = 6
+MOST_FAILED_TRIES = 3
 FAILED_TRY = "failed try"
 _REAL_TIME_EVENTS = frozenset(
     {

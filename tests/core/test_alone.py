@@ -1,4 +1,4 @@
-"""Turns of test files: one alone, others side by side, and nobody overtakes who waits."""
+"""Turns of test files: one alone, others side by side."""
 
 import multiprocessing
 import time
@@ -8,7 +8,8 @@ from tests.alone import turn
 HELD_S = 0.2
 
 
-def hold(path, alone, name, told):
+def hold(path, alone, name, told, ready):
+    ready.wait()
     with turn(path, alone=alone):
         told.put((name, "begins", time.monotonic()))
         time.sleep(HELD_S)
@@ -16,14 +17,13 @@ def hold(path, alone, name, told):
 
 
 def run(path, *kinds):
-    """Start one process after the other, and return who began and ended, in order."""
+    """Let a process each ask for its turn at the same time, and return who began and ended, in order."""
     context = multiprocessing.get_context("spawn")
-    told = context.Queue()
+    told, ready = context.Queue(), context.Barrier(len(kinds))
     processes = []
     for name, alone in kinds:
-        processes.append(context.Process(target=hold, args=(path, alone, name, told)))
+        processes.append(context.Process(target=hold, args=(path, alone, name, told, ready)))
         processes[-1].start()
-        time.sleep(HELD_S / 4)
     moments = [told.get(timeout=30.0) for _ in range(2 * len(kinds))]
     for process in processes:
         process.join()

@@ -10,6 +10,8 @@ from watched import Watched, until, watched
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.messages import Twist
+from adatracker_drone.adapter.command_client import CommandClient
+from adatracker_drone.adapter.commands import ARM
 from adatracker_drone.platform import DronePlatform
 from adatracker_drone.protocol.px4 import Mode
 from tests.race import owners, race
@@ -109,16 +111,16 @@ def test_a_pilot_who_takes_it_while_it_engages_has_it(phase, mode):
 
 
 def test_a_pilot_who_takes_it_once_it_is_armed_is_not_overridden_by_the_take_off(monkeypatch):
+    """The switch falls between the answer to ARM and the next command, before any report of the new mode."""
+    order = CommandClient.order
     with watched() as (drone, platform):
-        commander = drone.autopilot.commander
-        arm = commander.arm
 
-        def arm_and_lose(now_s, *, force):
-            result = arm(now_s, force=force)
-            commander.request(Mode.POSCTL, now_s)
-            return result
+        def order_and_lose(self, command, *modes):
+            order(self, command, *modes)
+            if command == ARM:
+                drone.pilot(Mode.POSCTL)
 
-        monkeypatch.setattr(commander, "arm", arm_and_lose)
+        monkeypatch.setattr(CommandClient, "order", order_and_lose)
         with pytest.raises(PlatformError, match="went to POSCTL by its pilot"):
             platform.engage()
         platform.disengage()
