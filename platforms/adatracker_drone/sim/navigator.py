@@ -17,8 +17,9 @@ from adatracker_drone.sim.parameters import Parameters
 
 _POSITION_P, _ALTITUDE_P, _HEADING_P = 0.95, 1.2, 2.8
 """1/s: MPC_XY_P, MPC_Z_P (1.0 by default), MC_YAW_P."""
-_STOPPING_S = 0.6
-"""A moving vehicle that is to stay holds the place where it can stop: so many seconds ahead of it."""
+_BRAKING_DELAY_S, _BRAKING_M_S2 = 0.6, 3.0
+"""A moving vehicle that is to stay holds the place where it can stop: v (v / (2 MPC_ACC_HOR) + 0.6 s) ahead,
+so that it does not overshoot and go back (PX4, Navigator::preproject_stop_point)."""
 _SLOW_LANDING_BELOW_M = 5.0
 """MPC_LAND_ALT2: above it a landing descends at up to MPC_Z_VEL_MAX_DN."""
 _HOME_M = 0.6
@@ -77,10 +78,11 @@ class Navigator:
         self._mode = mode
         if after_takeoff:
             return
+        stopping_s = _BRAKING_DELAY_S + math.hypot(motion.v_north, motion.v_east) / (2 * _BRAKING_M_S2)
         self._place = Ned(
-            motion.north + _STOPPING_S * motion.v_north,
-            motion.east + _STOPPING_S * motion.v_east,
-            motion.down + _STOPPING_S * motion.v_down,
+            motion.north + stopping_s * motion.v_north,
+            motion.east + stopping_s * motion.v_east,
+            motion.down + _BRAKING_DELAY_S * motion.v_down,
         )
         self._heading = motion.heading
         if mode is Mode.TAKEOFF:
