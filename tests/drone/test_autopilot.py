@@ -231,6 +231,20 @@ def test_hold_brakes_and_stays():
     assert math.dist((first.x, first.y), (flight.body.pose.x, flight.body.pose.y)) < 0.15
 
 
+@pytest.mark.parametrize("mode", [Mode.HOLD, Mode.LAND])
+@pytest.mark.parametrize("forward", [0.8, 1.5, 2.5])
+def test_it_stays_where_it_can_stop(mode, forward):
+    """PX4's rule, with MPC_ACC_HOR as it is by default."""
+    flight = Flight().set("MIS_TAKEOFF_ALT", 20.0).offboard(velocity(forward=forward))
+    flight.run(4.0, stream=velocity(forward=forward))
+    speed_m_s, from_m = flight.body.velocity.vx, flight.body.pose.x
+    flight.switch(mode)
+    flight.run(8.0)
+    assert not flight.body.motion.on_gear
+    stopped_in_m = speed_m_s * (speed_m_s / (2 * 3.0) + 0.6)
+    assert flight.body.pose.x - from_m == pytest.approx(stopped_in_m, abs=0.1)
+
+
 def test_return_comes_home_and_lands():
     flight = Flight().offboard(velocity(forward=2.0)).run(3.0, stream=velocity(forward=2.0))
     assert flight.body.pose.x > 4.0

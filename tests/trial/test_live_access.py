@@ -219,9 +219,12 @@ def test_who_never_asks_is_let_go(monkeypatch):
         assert silent.recv(1) == b""
 
 
-ANNOUNCED = Frame(Opcode.TEXT, bytes(70_000)).serialize(mask=True)[:-70_000]
+TOO_MANY_BYTES = live_client.LARGEST_REQUEST_BYTES + 1
+ANNOUNCED = Frame(Opcode.TEXT, bytes(TOO_MANY_BYTES)).serialize(mask=True)[:-TOO_MANY_BYTES]
 PART = Frame(Opcode.CONT, bytes(1000), fin=False).serialize(mask=True)
-IN_PARTS = Frame(Opcode.TEXT, b"", fin=False).serialize(mask=True) + 65 * PART + PART[:-1000]
+IN_PARTS = (
+    Frame(Opcode.TEXT, b"", fin=False).serialize(mask=True) + TOO_MANY_BYTES // 1000 * PART + PART[:-1000]
+)
 
 
 @pytest.mark.parametrize("request_", [ANNOUNCED, IN_PARTS], ids=["announced", "in parts"])

@@ -18,8 +18,8 @@ from adatracker_drone.sim.parameters import Parameters
 _POSITION_P, _ALTITUDE_P, _HEADING_P = 0.95, 1.2, 2.8
 """1/s: MPC_XY_P, MPC_Z_P (1.0 by default), MC_YAW_P."""
 _BRAKING_DELAY_S, _BRAKING_M_S2 = 0.6, 3.0
-"""A moving vehicle that is to stay holds the place where it can stop: v (v / (2 MPC_ACC_HOR) + 0.6 s) ahead,
-so that it does not overshoot and go back (PX4, Navigator::preproject_stop_point)."""
+"""A moving vehicle that is to stay holds the place where it can stop, v (v / (2 MPC_ACC_HOR) + 0.6 s) ahead
+(PX4, Navigator::preproject_stop_point); up and down, of which that says nothing, 0.6 s ahead."""
 _SLOW_LANDING_BELOW_M = 5.0
 """MPC_LAND_ALT2: above it a landing descends at up to MPC_Z_VEL_MAX_DN."""
 _HOME_M = 0.6
