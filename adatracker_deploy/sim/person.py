@@ -66,6 +66,8 @@ class Gait:
     """0 to 2 pi over two steps."""
     speed_m_s: float = 0.0
     """Smoothed speed; the swing grows with it and is zero at rest."""
+    walked_m: float = 0.0
+    """Distance walked in all."""
 
     def walk(self, distance_m: float, dt_s: float) -> None:
         """Advance by `distance_m` in `dt_s` > 0 seconds.
@@ -73,6 +75,7 @@ class Gait:
         Two steps cover 1.4 m at 1 m/s, and more at higher speed.
         """
         speed = distance_m / dt_s
+        self.walked_m += distance_m
         self.speed_m_s += (speed - self.speed_m_s) * (1.0 - math.exp(-dt_s / 0.2))
         self.phase_rad = (self.phase_rad + math.tau * distance_m / (0.9 + 0.5 * speed)) % math.tau
 

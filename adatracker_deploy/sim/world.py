@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import math
-from typing import get_args
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,12 @@ from adatracker_deploy.sim.path import (
 from adatracker_deploy.sim.person import HEIGHT_M, Gait
 from adatracker_deploy.sim.scenes import build_scene, scene_names
 from adatracker_deploy.sim.stage import Stage
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from adatracker_deploy.sim.render.renderer import Renderer
 
 PERSON_RADIUS_M = 0.3
 """Half the width of a person, for collisions and for keeping apart."""
@@ -60,6 +66,8 @@ class World:
         obstacles: whether the arena has obstacles. Its walls and surroundings are always there.
         others: how many other people walk about.
         crossing: how many of the others cross the robot's line of sight and linger there.
+        cast: glTF files of who plays whom in `picture`, the target first; the rest are drawn from those that
+            ship.
 
     Attributes:
         start: where a robot starts: on the ground, 2.5 m behind the target, facing it.
@@ -78,6 +86,7 @@ class World:
         obstacles: bool = True,
         others: int = 0,
         crossing: int = 0,
+        cast: Sequence[Path] = (),
     ) -> None:
         check_scene(scene)
         if path not in get_args(PathName):
@@ -96,6 +105,8 @@ class World:
                 self._wanderer(kind, rng, target_speed_m_s, self._room(self.start, skip=None))
             )
         self._gaits = [Gait() for _ in self._walkers]
+        self._obstacles, self._seed, self._t_s, self._cast = obstacles, seed, 0.0, tuple(cast)
+        self._renderer: Renderer | None = None
         self._show_people()
 
     @property
@@ -115,6 +126,7 @@ class World:
     def step(self, dt_s: float, robot: Pose | None = None) -> None:
         """Let everybody walk for `dt_s` >= 0 seconds, avoiding a robot at `robot` unless it is overhead."""
         strides = math.ceil(dt_s / _STRIDE_S - 1e-9)
+        self._t_s += dt_s
         for _ in range(strides):
             self._stride(dt_s / strides, robot)
         if strides:
@@ -136,6 +148,21 @@ class World:
     def render_mask(self, camera: Pose, fov_rad: float, height: int, width: int) -> ClassMask:
         """Return the class mask alone, equal to `render`'s."""
         return self._camera.mask(camera, fov_rad, height, width)
+
+    def picture(
+        self, camera: Pose, fov_rad: float, height: int, width: int
+    ) -> tuple[ClassMask, NDArray[np.uint8]]:
+        """Return the class mask (height, width) and a picture (height, width, 3) for a real detector.
+
+        The people in it wear clothes and are of different heights, so its mask differs from `render`'s. Takes
+        the same arguments.
+
+        Raises:
+            UsageError: Panda3D is not installed, or there are no people.
+        """
+        if self._renderer is None:
+            self._renderer = self._rendered()
+        return self._renderer.draw(camera, fov_rad, height, width)
 
     def collides(self, x: float, y: float, z: float, radius_m: float) -> bool:
         """Return whether a sphere at this point touches an obstacle, a wall or a person."""
@@ -159,8 +186,18 @@ class World:
         roll, pitch = self.scene.terrain.slope(x, y, pose.yaw)
         return Pose(x, y, self.ground_z(x, y), roll, pitch, pose.yaw)
 
-    def truth(self, mask: ClassMask, robot: Pose, camera: Pose, radius_m: float) -> Truth:
-        """Return the ground truth for the moment at which `mask` was rendered."""
+    def truth(
+        self, mask: ClassMask, robot: Pose, camera: Pose, radius_m: float, fov_rad: float | None = None
+    ) -> Truth:
+        """Return the ground truth for the moment at which `mask` was rendered.
+
+        Args:
+            mask: shape (H, W).
+            robot: the body's pose.
+            camera: the camera's.
+            radius_m: of the body, for collisions.
+            fov_rad: the mask's horizontal field of view; without one, the target is taken to be in view.
+        """
         x, y = self.target_xy
         return Truth(
             mask=mask,
@@ -170,7 +207,18 @@ class World:
             distance_m=robot.distance_to(x, y),
             bearing_rad=robot.bearing_to(x, y),
             collided=self.collides(robot.x, robot.y, robot.z, radius_m),
+            in_view=fov_rad is None or self._in_view(camera, fov_rad, mask.shape[0] / mask.shape[1]),
         )
+
+    def _in_view(self, camera: Pose, fov_rad: float, aspect: float) -> bool:
+        """Return whether the picture, `aspect` as high as wide, holds a part of where the target stands."""
+        x, y = self.target_xy
+        up = np.linspace(0.05, HEIGHT_M, 9) + self.ground_z(x, y)
+        body = np.stack([np.full(9, x), np.full(9, y), up], axis=1) - camera.translation()
+        ahead, left, above = (body @ camera.rotation()).T
+        half = math.tan(fov_rad / 2)
+        inside = (ahead > 0) & (np.abs(left) <= half * ahead) & (np.abs(above) <= half * aspect * ahead)
+        return bool(inside.any())
 
     def _stride(self, dt_s: float, robot: Pose | None) -> None:
         for index, (walker, gait) in enumerate(zip(self._walkers, self._gaits, strict=True)):
@@ -184,6 +232,39 @@ class World:
         for index, (walker, gait) in enumerate(zip(self._walkers, self._gaits, strict=True)):
             foot = (walker.x, walker.y, self.ground_z(walker.x, walker.y))
             self._stage.move_person(index, foot, walker.heading, gait)
+            if self._renderer is not None:
+                self._renderer.place(
+                    index,
+                    foot,
+                    walker.heading,
+                    gait,
+                    self._t_s,
+                )
+
+    def _rendered(self) -> Renderer:
+        """Return the renderer of this world; who plays whom and the hour follow from the seed."""
+        from adatracker_deploy.sim.render.figure import shipped_people
+        from adatracker_deploy.sim.render.renderer import Daylight, Renderer
+
+        rng = np.random.default_rng([self._seed, 1])
+        shipped = shipped_people()
+        people = [shipped[at] for at in rng.permutation(len(shipped))]
+        people = [*self._cast, *(path for path in people if path not in self._cast)]
+        daylight = Daylight(
+            sun_deg=float(rng.uniform(20.0, 65.0)),
+            azimuth_deg=float(rng.uniform(-180.0, 180.0)),
+            cloudy=float(rng.uniform(0.0, 0.8)),
+        )
+        renderer = Renderer(
+            self.scene,
+            obstacles=self._obstacles,
+            people=[people[at % len(people)] for at in range(len(self._walkers))],
+            daylight=daylight,
+            seed=self._seed,
+        )
+        self._renderer = renderer
+        self._show_people()
+        return renderer
 
     def _room(self, robot: Pose | None, *, skip: int | None) -> Clearance:
         """Return the clearance of a person who avoids obstacles, the robot and everybody else."""

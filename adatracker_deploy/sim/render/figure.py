@@ -1,0 +1,282 @@
+"""A person from a glTF file: loaded and checked, then posed by how fast they walk.
+
+The animation ``walk`` is one cycle. Whatever its skeleton, what it covers on the ground is measured on the
+mesh itself: the lowest vertex stands still while the body passes over it, so that feet do not slide at any
+speed.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from adatracker_deploy.core.errors import UsageError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+PEOPLE = Path(__file__).parent.parent / "people"
+"""Where the people that ship are."""
+LARGEST_BYTES = 8 << 20
+MOST_TRIANGLES = 100_000
+WALK, STAND, SIT = "walk", "stand", "sit"
+_FPS = 30
+_PHASES = np.linspace(0.0, 1.0, 48, endpoint=False)
+_SHARES = (0.0, 0.5, 1.0)
+"""Of the walk's cycle, and of walking against standing: where a body is measured."""
+_SLOWEST_M_S = 0.25
+"""At this speed and below somebody stands rather than walks."""
+_STRIDES_M_S = 0.7
+"""At this speed and above the walk is whole."""
+
+
+def shipped_people() -> tuple[Path, ...]:
+    """Return the files of the people that ship, in a fixed order."""
+    return tuple(sorted(PEOPLE.glob("*.glb")))
+
+
+def check(path: Path) -> None:
+    """Check that a file is a person that can walk.
+
+    Raises:
+        UsageError: it cannot be read, is too large, is no binary glTF 2.0, refers to other files, or has no
+            skin or no animation called ``walk``.
+    """
+    try:
+        data = path.read_bytes() if path.stat().st_size <= LARGEST_BYTES else None
+    except OSError as error:
+        raise UsageError(f"person {path}: {error.strerror}") from error
+    if data is None:
+        raise UsageError(f"person {path}: larger than {LARGEST_BYTES >> 20} MB")
+    try:
+        document = _header(data)
+        trouble = _trouble(document)
+    except (
+        ValueError,
+        struct.error,
+        KeyError,
+        TypeError,
+        AttributeError,
+        IndexError,
+        RecursionError,
+    ) as error:
+        raise UsageError(f"person {path}: not a binary glTF 2.0 file") from error
+    if trouble:
+        raise UsageError(f"person {path}: {trouble}")
+
+
+def _header(data: bytes) -> dict[str, Any]:
+    magic, version, whole, length, kind = struct.unpack_from("<4sIII4s", data)
+    if magic != b"glTF" or version != 2 or whole != len(data) or kind != b"JSON" or 20 + length > whole:
+        raise ValueError
+    document: dict[str, Any] = json.loads(data[20 : 20 + length])
+    return document
+
+
+def _trouble(document: dict[str, Any]) -> str:
+    parts = [*document.get("buffers", []), *document.get("images", [])]
+    if any("uri" in part and not part["uri"].startswith("data:") for part in parts):
+        return "refers to other files: export it as one .glb"
+    if not document.get("skins"):
+        return "has no skeleton (a skin), so it cannot walk"
+    names = [animation.get("name", "") for animation in document.get("animations", [])]
+    if WALK not in names:
+        found = f"has {', '.join(map(repr, names))}" if names else "has none"
+        return f"needs an animation called {WALK!r}, one cycle of two steps: {found}"
+    accessors = document["accessors"]
+    corners = sum(
+        accessors[primitive["indices"]]["count"]
+        for mesh in document["meshes"]
+        for primitive in mesh["primitives"]
+        if "indices" in primitive
+    )
+    if corners > 3 * MOST_TRIANGLES:
+        return f"has {corners // 3} triangles, more than {MOST_TRIANGLES}"
+    return ""
+
+
+@dataclass(frozen=True, slots=True)
+class Stride:
+    """What one cycle of a walk covers.
+
+    Attributes:
+        covered_m: how far the body has moved at each moment of the cycle, rising from 0, (M + 1,).
+    """
+
+    covered_m: NDArray[np.float64]
+
+    @property
+    def cycle_m(self) -> float:
+        """Return the length of two steps."""
+        return float(self.covered_m[-1])
+
+    def phase(self, walked_m: float) -> float:
+        """Return the share of the cycle, 0 to 1, after walking so far."""
+        shares = np.linspace(0.0, 1.0, len(self.covered_m))
+        return float(np.interp(walked_m % self.cycle_m, self.covered_m, shares))
+
+
+def stride_of(moments: NDArray[np.float64]) -> Stride:
+    """Measure a walk by its vertices: (M, V, 3), m, x ahead, z up, without the body's own motion. Pure.
+
+    Between two moments the body moves ahead by as much as its lowest vertex moves back.
+    """
+    count = len(moments)
+    lowest = moments[:, :, 2].argmin(axis=1)
+    here = moments[np.arange(count), lowest, 0]
+    later = np.roll(moments, -1, axis=0)[np.arange(count), lowest, 0]
+    steps = np.maximum(here - later, 1e-4)
+    return Stride(np.concatenate([[0.0], np.cumsum(steps)]))
+
+
+class Figure:
+    """Somebody in a scene graph; made once for each person in it.
+
+    Attributes:
+        root: a Panda3D NodePath, x ahead, z up, standing on the origin.
+        height_m: from the sole to the top of the head.
+        stride: what one cycle of the walk covers.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Load a person.
+
+        Raises:
+            UsageError: see `check`; or its parts do not fit together.
+        """
+        check(path)
+        from panda3d import core as p3d
+
+        try:
+            model = p3d.NodePath(_load(path))
+        except (Exception, SystemExit) as error:  # the library raises whatever comes
+            raise UsageError(f"person {path}: cannot be loaded: {type(error).__name__}") from error
+        self.root = p3d.NodePath("figure")
+        self._turned = self.root.attach_new_node("turned")
+        self._turned.set_h(90.0)  # glTF's ahead is Panda's -y
+        model.reparent_to(self._turned)
+        self._character = model.find("**/+Character").node()
+        self._bundle = self._character.get_bundle(0)
+        controls = p3d.AnimControlCollection()
+        p3d.auto_bind(self._character, controls, ~0)
+        self._controls = {
+            controls.get_anim_name(k): controls.get_anim(k) for k in range(controls.get_num_anims())
+        }
+        self._bundle.set_anim_blend_flag(True)
+        self._bundle.set_frame_blend_flag(True)
+        _mended(model)
+        low, high = model.get_tight_bounds(self.root)
+        self.height_m = float(high.z - low.z)
+        self.stride, self._raised_m = self._measured(model)
+
+    def pose(self, walked_m: float, speed_m_s: float, seconds: float) -> None:
+        """Pose them.
+
+        Args:
+            walked_m: how far they have walked in all.
+            speed_m_s: how fast they walk now.
+            seconds: time, for what a standing body does.
+        """
+        share = (speed_m_s - _SLOWEST_M_S) / (_STRIDES_M_S - _SLOWEST_M_S)
+        phase = self.stride.phase(walked_m)
+        self._mix(phase, share, seconds)
+        heights = [np.interp(phase, _PHASES, raised, period=1.0) for raised in self._raised_m]
+        self._turned.set_z(float(np.interp(share, _SHARES, heights)))
+        self._character.force_update()  # by itself it would lag by a picture at first
+
+    def points(self) -> NDArray[np.float64]:
+        """Return all vertices as they are posed, (V, 3), m, x ahead, z up from the ground."""
+        return self._vertices(self._turned)
+
+    def _mix(self, phase: float, share: float, seconds: float) -> None:
+        """Walk with a share of the limbs' motion, and stand with the rest."""
+        share = min(1.0, max(0.0, share)) if STAND in self._controls else 1.0
+        self._play(WALK, phase, share)
+        if STAND in self._controls:
+            still = self._controls[STAND]
+            self._play(STAND, seconds * _FPS / still.get_num_frames() % 1.0, 1.0 - share)
+
+    def _play(self, name: str, phase: float, share: float) -> None:
+        control = self._controls[name]
+        self._bundle.set_control_effect(control, share)
+        control.pose(phase * (control.get_num_frames() - 1))
+
+    def _measured(self, model: Any) -> tuple[Stride, NDArray[np.float64]]:
+        """Measure the walk on the mesh, and by how much it must be raised, (shares, moments), m.
+
+        Between two steps, a mixture of walking and standing is lower than either.
+        """
+        moments: list[list[NDArray[np.float64]]] = []
+        for share in _SHARES:
+            moments.append([])
+            for phase in _PHASES:
+                self._mix(float(phase), share, 0.0)
+                moments[-1].append(self._vertices(model))
+        raised = [[-float(points[:, 2].min()) for points in row] for row in moments]
+        return stride_of(np.array(moments[-1])), np.array(raised)
+
+    def _vertices(self, model: Any) -> NDArray[np.float64]:
+        """Return all vertices as they are posed, (V, 3), m, x ahead, z up."""
+        from panda3d import core as p3d
+
+        self._character.force_update()
+        found = []
+        for node in model.find_all_matches("**/+GeomNode"):
+            matrix = node.get_mat(self.root)
+            to_root = np.array([[matrix.get_cell(r, c) for c in range(4)] for r in range(4)])
+            for geom in node.node().get_geoms():
+                data = geom.get_vertex_data().animate_vertices(True, p3d.Thread.get_current_thread())
+                found.append(column(data, "vertex") @ to_root[:3, :3] + to_root[3, :3])
+        return np.concatenate(found)
+
+
+def column(data: Any, name: str) -> NDArray[np.float64]:
+    """Return a column of three floats of Panda3D's vertex data, (V, 3)."""
+    index = data.get_format().get_array_with(name)
+    array = data.get_format().get_array(index)
+    start = array.get_column(name).get_start()
+    rows = np.frombuffer(data.get_array(index).get_handle().get_data(), np.uint8).reshape(
+        -1, array.get_stride()
+    )
+    return np.ascontiguousarray(rows[:, start : start + 12]).view(np.float32).astype(np.float64)
+
+
+def _mended(model: Any) -> None:
+    """Let weights add up to one, and vertex colours, which glTF keeps linear, show as sRGB."""
+    from panda3d import core as p3d
+
+    white = p3d.Material("white")
+    white.set_diffuse((1.0, 1.0, 1.0, 1.0))
+    white.set_ambient((1.0, 1.0, 1.0, 1.0))
+    for node in model.find_all_matches("**/+GeomNode"):
+        for geom in node.node().modify_geoms():
+            data = geom.modify_vertex_data()
+            blends = data.modify_transform_blend_table()
+            for at in range(blends.get_num_blends() if blends else 0):
+                blend = p3d.TransformBlend(blends.get_blend(at))
+                blend.normalize_weights()  # the loader reads a weight of 255 as 255
+                blends.set_blend(at, blend)
+            if not data.has_column("color"):
+                continue
+            rewriter = p3d.GeomVertexRewriter(data, "color")
+            while not rewriter.is_at_end():
+                red, green, blue, alpha = rewriter.get_data4()
+                rewriter.set_data4(_srgb(red), _srgb(green), _srgb(blue), alpha)
+        node.set_material(white, 1)  # without one, the rasteriser multiplies by the vertices' colours twice
+        node.set_attrib(p3d.ColorAttrib.make_vertex())
+
+
+def _srgb(linear: float) -> float:
+    """Return the sRGB value of linear light (IEC 61966-2-1)."""
+    return 12.92 * linear if linear <= 0.0031308 else 1.055 * linear ** (1 / 2.4) - 0.055
+
+
+def _load(path: Path) -> Any:
+    import gltf
+
+    return gltf.load_model(str(path), gltf.GltfSettings(no_srgb=True, animation_fps=_FPS))

@@ -1,0 +1,171 @@
+"""People from glTF files: those that ship walk without sliding; what is no person is refused."""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.sim.render.figure import (
+    LARGEST_BYTES,
+    MOST_TRIANGLES,
+    Figure,
+    Stride,
+    check,
+    shipped_people,
+    stride_of,
+)
+
+pytest.importorskip("panda3d", reason="needs the extra 'sitl'")
+
+PEOPLE = shipped_people()
+
+
+def document_of(path):
+    data = path.read_bytes()
+    (length,) = struct.unpack_from("<I", data, 12)
+    return json.loads(data[20 : 20 + length]), data[20 + length :]
+
+
+def written(path, document, rest=b""):
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    head = struct.pack("<4sIII4s", b"glTF", 2, 20 + len(text) + len(rest), len(text), b"JSON")
+    path.write_bytes(head + text + rest)
+    return path
+
+
+def test_at_least_24_people_ship_in_less_than_8_mb():
+    assert len(PEOPLE) >= 24
+    assert sum(path.stat().st_size for path in PEOPLE) < 8 << 20
+
+
+@pytest.mark.parametrize("path", PEOPLE, ids=lambda path: path.stem)
+def test_everybody_who_ships_is_a_person_of_a_person_s_height_who_takes_steps(path):
+    figure = Figure(path)
+    assert 1.45 < figure.height_m < 2.05  # soles and hair included
+    assert 0.9 < figure.stride.cycle_m < 2.0
+    assert figure.root.find("**/+Character")
+
+
+def test_people_differ_in_height():
+    heights = [Figure(path).height_m for path in PEOPLE]
+    assert max(heights) - min(heights) > 0.25
+
+
+@pytest.mark.parametrize("speed_m_s", [0.5, 1.0, 1.5])
+def test_the_foot_on_the_ground_stands_still_while_the_body_passes_over_it(speed_m_s):
+    figure = Figure(PEOPLE[0])
+    dt_s, slid = 1 / 60, []
+    before = None
+    for frame in range(180):
+        walked = frame * dt_s * speed_m_s
+        figure.pose(walked, speed_m_s, frame * dt_s)
+        points = figure.points() + np.array([walked, 0.0, 0.0])
+        lowest = int(points[:, 2].argmin())
+        if before is not None:
+            slid.append(abs(points[lowest, 0] - before[lowest, 0]))
+        before = points
+        assert abs(points[:, 2].min()) < (0.02 if speed_m_s >= 0.7 else 0.04)
+    if speed_m_s >= 0.7:  # slower, standing is blended in
+        assert np.median(slid) < 0.15 * speed_m_s * dt_s + 1e-3
+
+
+@given(st.floats(0.2, 3.0), st.integers(8, 64), st.floats(0.0, 50.0))
+def test_the_phase_of_a_walk_goes_round_once_a_cycle(cycle_m, moments, walked_m):
+    stride = Stride(np.linspace(0.0, cycle_m, moments + 1))
+    assert 0.0 <= stride.phase(walked_m) <= 1.0
+    assert math.isclose(
+        stride.phase(walked_m), stride.phase(walked_m + cycle_m) % 1.0, abs_tol=1e-6
+    ) or math.isclose(abs(stride.phase(walked_m) - stride.phase(walked_m + cycle_m)), 1.0, abs_tol=1e-6)
+
+
+def test_a_stride_is_measured_on_the_lowest_point():
+    """A wheel of eight spokes that rolls covers its circumference."""
+    spokes = np.arange(16) / 16 * 2 * np.pi
+    moments = [
+        np.stack([np.sin(spokes - turn), 0 * spokes, 1 - np.cos(spokes - turn)], axis=1)
+        for turn in np.arange(64) / 64 * 2 * np.pi
+    ]
+    stride = stride_of(np.array(moments))
+    assert stride.cycle_m == pytest.approx(2 * np.pi, rel=0.05)
+
+
+def no_skin(document):
+    del document["skins"]
+
+
+def no_walk(document):
+    document["animations"] = [{"name": "dance"}]
+
+
+def no_animation(document):
+    document["animations"] = []
+
+
+def outside(document):
+    document["buffers"][0]["uri"] = "body.bin"
+
+
+def too_fine(document):
+    for accessor in document["accessors"]:
+        accessor["count"] = 3 * MOST_TRIANGLES + 3
+
+
+@pytest.mark.parametrize(
+    ("spoil", "why"),
+    [
+        (no_skin, "has no skeleton"),
+        (no_walk, "needs an animation called 'walk', one cycle of two steps: has 'dance'"),
+        (no_animation, "needs an animation called 'walk', one cycle of two steps: has none"),
+        (outside, "refers to other files"),
+        (too_fine, "triangles, more than"),
+    ],
+)
+def test_a_file_without_what_a_walker_needs_is_refused(tmp_path, spoil, why):
+    document, rest = document_of(PEOPLE[0])
+    spoil(document)
+    with pytest.raises(UsageError, match=why) as refused:
+        check(written(tmp_path / "somebody.glb", document, rest))
+    assert len(str(refused.value).splitlines()) == 1
+    assert "somebody.glb" in str(refused.value)
+
+
+@pytest.mark.parametrize("data", [b"", b"glTF", b"{}", b"\x89PNG\r\n", b"glTF" + bytes(40)])
+def test_what_is_no_glb_is_refused(tmp_path, data):
+    path = tmp_path / "file.glb"
+    path.write_bytes(data)
+    with pytest.raises(UsageError, match="not a binary glTF"):
+        check(path)
+
+
+def test_what_is_missing_or_too_large_is_refused(tmp_path):
+    with pytest.raises(UsageError, match="No such file"):
+        check(tmp_path / "nobody.glb")
+    large = tmp_path / "large.glb"
+    with large.open("wb") as file:
+        file.truncate(LARGEST_BYTES + 1)
+    with pytest.raises(UsageError, match="larger than"):
+        check(large)
+
+
+@given(st.binary(max_size=400))
+def test_any_bytes_are_refused_in_one_sentence(tmp_path_factory, data):
+    path = tmp_path_factory.mktemp("any") / "any.glb"
+    document = b"glTF" + struct.pack("<III4s", 2, 20 + len(data), len(data), b"JSON") + data
+    path.write_bytes(document)
+    with pytest.raises(UsageError) as refused:
+        check(path)
+    assert len(str(refused.value).splitlines()) == 1
+
+
+def test_a_person_whose_parts_do_not_fit_is_refused(tmp_path):
+    document, _ = document_of(PEOPLE[0])
+    with pytest.raises(UsageError, match="cannot be loaded"):
+        Figure(written(tmp_path / "hollow.glb", document))
