@@ -15,7 +15,13 @@ if TYPE_CHECKING:
     from adatracker_deploy.perception.roles import Masks
 
 MASK_SIZE = 160
-"""Rows and columns of the class mask, whatever the image's: the size that policies use."""
+"""Rows and columns in which masks are drawn, and the class mask's longer side: the size that policies use."""
+
+
+def mask_shape(height: int, width: int) -> tuple[int, int]:
+    """Return the rows and columns of the class mask of a picture: `MASK_SIZE` along its longer side."""
+    longer = max(height, width)
+    return max(1, round(MASK_SIZE * height / longer)), max(1, round(MASK_SIZE * width / longer))
 
 
 def class_mask(

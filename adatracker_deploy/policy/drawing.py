@@ -36,7 +36,8 @@ class MaskPainter:
         """Return the network's input of shape (C, S, S), overwritten by the next call.
 
         Args:
-            mask: classes, uint8 of shape (H, W) of any size; its picture is stretched to a square.
+            mask: classes, uint8 of shape (H, W) of any size. One that is not square is set in the middle of a
+                square: stretched, people would be taller than any that the policy was trained on.
         """
         np.multiply(self.picture(mask).transpose(2, 0, 1), np.float32(self._spec.scale), out=self._input)
         return self._input
@@ -44,11 +45,24 @@ class MaskPainter:
     def picture(self, mask: ClassMask) -> NDArray[np.uint8]:
         """Return the same as a picture of shape (S, S, C), before it is scaled."""
         spec = self._spec
+        mask = squared(mask)
         if mask.shape != self._drawn.shape[:2]:
             mask = cv2.resize(mask, (spec.draw_size, spec.draw_size), interpolation=cv2.INTER_NEAREST)
         np.take(self._table, mask, axis=0, out=self._drawn, mode="clip")
         reduced = cv2.resize(self._drawn, (spec.size, spec.size), interpolation=cv2.INTER_LINEAR)
         return np.asarray(reduced.reshape(spec.size, spec.size, spec.channels), np.uint8)
+
+
+def squared(mask: ClassMask) -> ClassMask:
+    """Return a mask (H, W) in the middle of a square of background."""
+    height, width = mask.shape
+    if height == width:
+        return mask
+    side = max(height, width)
+    whole = np.full((side, side), MaskClass.BACKGROUND, np.uint8)
+    top, left = (side - height) // 2, (side - width) // 2
+    whole[top : top + height, left : left + width] = mask
+    return whole
 
 
 def colour_table(palette: Palette, seed: int) -> NDArray[np.uint8]:

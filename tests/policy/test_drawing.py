@@ -31,6 +31,8 @@ masks = arrays.arrays(
 def painted_by_hand(spec, mask, seed):
     """Nearest by the pixel's corner, colours, bilinear by pixel centres, rounded to 8 bits."""
     # 1 / (a / b), not b / a: where the two round apart, a source pixel's edge falls as it does in OpenCV.
+    missing = [max(mask.shape) - length for length in mask.shape]
+    mask = np.pad(mask, [(length // 2, length - length // 2) for length in missing])
     rows, columns = (
         (np.arange(spec.draw_size) * (1 / (spec.draw_size / length))).astype(int) for length in mask.shape
     )

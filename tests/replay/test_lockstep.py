@@ -70,7 +70,7 @@ class Trial:
     def alive(self):
         return True
 
-    def observe(self):
+    def observe(self, patience_s):
         new, observation = self.left.pop(0)
         if new or self.seen is None:
             t_ns = self.clock.now_ns() - 7_654_321

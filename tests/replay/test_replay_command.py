@@ -135,20 +135,20 @@ def test_a_log_that_was_cut_short_is_replayed_as_far_as_it_goes(capsys, tmp_path
 
 def test_another_profiles_limits_judge_the_commands_again(capsys, trial, bundle, tmp_path):
     document = yaml.safe_load((profile_dir() / "scout.yaml").read_text())
-    document["limits"] |= {"forward_m_s": 0.01, "backward_m_s": 0.01, "fence_radius_m": 50.0}
+    document["limits"] |= {"forward_m_s": 0.001, "backward_m_s": 0.001, "fence_radius_m": 50.0}
     slow = tmp_path / "slow.yaml"
     slow.write_text(yaml.safe_dump(document))
     status, out, _ = replay(capsys, trial, "--policy", bundle, "--profile", slow, "--json")
     gate = json.loads(out)["gate"]
     assert status == 0
-    assert gate["limits"]["forward_m_s"] == {"trial": 1.5, "here": 0.01}
+    assert gate["limits"]["forward_m_s"] == {"trial": 1.5, "here": 0.001}
     clipped = {
         name: sum(b - a + 1 for a, b in gate[name]["reasons"]["envelope"]) for name in ("trial", "here")
     }
     assert clipped["here"] == 30 > clipped["trial"]
     assert gate["differences"]["vx"]["most"] > 0
     status, out, _ = replay(capsys, trial, "--policy", bundle, "--profile", slow)
-    assert "forward_m_s: 1.5 -> 0.01" in out
+    assert "forward_m_s: 1.5 -> 0.001" in out
     assert "by its own limits this judgement is off from what was sent by" in out
 
 
