@@ -47,6 +47,13 @@ def overlap(a: Boxes, b: Boxes) -> NDArray[np.float32]:
     return np.asarray(shared / np.maximum(union, 1e-9), np.float32)
 
 
+def within(boxes: Boxes, other: Boxes) -> NDArray[np.float32]:
+    """Return the share of each box's area that lies within another box, shape (4,)."""
+    sides = np.minimum(boxes[:, 2:], other[2:]) - np.maximum(boxes[:, :2], other[:2])
+    areas = np.clip(boxes[:, 2:] - boxes[:, :2], 0, None).prod(axis=1)
+    return np.asarray(np.clip(sides, 0, None).prod(axis=1) / np.maximum(areas, 1e-9), np.float32)
+
+
 def non_maximum_suppression(
     boxes: Boxes, scores: NDArray[np.float32], classes: NDArray[np.intp], iou: float
 ) -> NDArray[np.intp]:

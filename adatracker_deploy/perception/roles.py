@@ -60,8 +60,13 @@ class Detector(Protocol):
     def vocabulary(self) -> tuple[str, ...]:
         """The words it knows; one that takes any text has none, and is given its words when it is made."""
 
-    def __call__(self, picture: Picture) -> Instances:
+    def __call__(self, picture: Picture, tall: float | None = None) -> Instances:
         """Return the detections in an image.
+
+        Args:
+            picture: the image.
+            tall: height of whoever matters, share of the picture's longer side, if it is known; a detector
+                that finds people better at some scales than at others may choose its own by it.
 
         Raises:
             PlatformError: the model gave what no such model gives.

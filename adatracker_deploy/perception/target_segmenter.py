@@ -5,16 +5,18 @@ Pure but for its state: the same frames, in the same order, always give the same
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
+import cv2
 import numpy as np
 
-from adatracker_deploy.core.messages import Box, MaskClass, Observation
-from adatracker_deploy.perception.boxes import heights
-from adatracker_deploy.perception.drawing import MASK_SIZE, class_mask, ellipses
+from adatracker_deploy.core.messages import Box, MaskClass, Observation, at_size
+from adatracker_deploy.perception.boxes import heights, within
+from adatracker_deploy.perception.drawing import MASK_SIZE, class_mask, ellipses, mask_shape
 from adatracker_deploy.perception.roles import Instances
 from adatracker_deploy.perception.target.appearance import appearances
 from adatracker_deploy.perception.target.choice import Choice
+from adatracker_deploy.perception.target.first_sight import FirstSight
 from adatracker_deploy.perception.target.lock import Locked, TargetLock
 from adatracker_deploy.perception.target.motion import CameraMotion
 from adatracker_deploy.perception.target.propagation import Propagation, resized
@@ -27,9 +29,15 @@ if TYPE_CHECKING:
 
 PERSON = "person"
 LEAST_OBSTACLE_SCORE = 0.5
+SEARCHED = (0.38, None)
+"""Heights that the detector is told by turns while nobody is followed, shares of the picture's longer side:
+people whom it is weak at in the one picture it finds in the next."""
 CUT_OUT = 2
 """Number of people with masks from the mask head: the target and the nearest others; each costs
 milliseconds."""
+WITHIN = 0.8
+"""Share of a person's box within the target's above which they never cover it: somebody nearer would be
+larger, so it is somebody behind, or the target again."""
 WORTH_CUTTING_OUT = 0.25
 """Share of the image height below which other people are drawn as ellipses; few px are wrong then."""
 
@@ -40,7 +48,8 @@ class TargetSegmenter:
     Args:
         detector: of people and, by any other word, of obstacles.
         mask_head: cuts people out; needed where the detector gives boxes alone.
-        choice: who becomes the target, in the first frame in which there is such a person.
+        choice: who becomes the target; it takes several pictures.
+        least_score: of people who are tracked; the others are looked at while the target is chosen.
         propagator: follows the target's mask, also where the detector misses the target.
         key_frames: do not ask the detector while the propagator sees the target and the lock agreed in the
             picture before: for slow detectors. Nobody else and no obstacle is known in between.
@@ -55,20 +64,25 @@ class TargetSegmenter:
         choice: Choice | None = None,
         propagator: Propagator | None = None,
         *,
+        least_score: float = 0.0,
         key_frames: bool = False,
     ) -> None:
         self._detector = detector
         self._mask_head = mask_head
         self._choice = choice or Choice()
         self._propagation = Propagation(propagator) if propagator else None
+        self._least_score = least_score
         self._key_frames = key_frames
         self.reset()
 
     def reset(self) -> None:
         """Forget the target: the next frame with such a person chooses anew."""
         self._lock = TargetLock()
+        self._outline: Outline | None = None
+        self._tall: float | None = None
+        self._looks = 0
         self._motion = CameraMotion()
-        self._chosen = False
+        self._first_sight: FirstSight | None = FirstSight(self._choice)
         if self._propagation:
             self._propagation.reset()
 
@@ -80,35 +94,50 @@ class TargetSegmenter:
         """
         followed = self._propagation.step(frame.rgb) if self._propagation else None
         between = self._key_frames and followed is not None and followed.trusted
-        found = Instances.none() if between else self._detector(frame.rgb)
+        found = Instances.none() if between else self._detector(frame.rgb, self._looked_for())
         kinds = np.array([word == PERSON for word in found.words], bool)
-        people = found.only(np.flatnonzero(kinds))
+        sure = found.scores >= (0.0 if self._first_sight else self._least_score)
+        people = found.only(np.flatnonzero(kinds & sure))
         obstacles = found.only(np.flatnonzero(~kinds & (found.scores >= LEAST_OBSTACLE_SCORE)))
         if followed:
             people = followed.among(people, PERSON)
         locked = self._locked(frame, people)
         place = locked.place if locked else None
+        self._tall = None if place is None else float(heights(people.boxes)[place]) / max(frame.rgb.shape[:2])
         mask = self._drawn(frame, people, obstacles, place)
+        box = None if place is None else people.boxes[place]
+        if box is not None:
+            self._outline = Outline(mask == MaskClass.TARGET, box)
+        elif locked is not None and locked.expected is not None and self._outline is not None:
+            box = inside(np.array(locked.expected, np.float32), frame)
+            mask = mask if box is None else self._outline.drawn(mask, box, frame)
         return Observation(
             mask=mask,
-            box=None if place is None else _fractions(people.boxes[place], frame),
+            box=None if box is None else _fractions(box, frame),
             confidence=locked.likeness if locked else 0.0,
             t_ns=frame.t_ns,
             seq=frame.seq,
             target=locked.state if locked else None,
         )
 
+    def _looked_for(self) -> float | None:
+        """Return how tall the target is; of one who is not in sight, by turns, what covers all sizes."""
+        if self._tall is not None:
+            return self._tall
+        self._looks += 1
+        return SEARCHED[self._looks % len(SEARCHED)]
+
     def _locked(self, frame: Frame, people: Instances) -> Locked | None:
         """Return what the lock says; None while nobody has been chosen."""
         height, width = frame.rgb.shape[:2]
         looks = appearances(frame.rgb, people.boxes)
         motion = self._motion(frame.rgb, people.boxes)
-        if self._chosen:
+        if self._first_sight is None:
             return self._lock.update(people.boxes, people.scores, looks, motion, frame.t_ns)
-        place = self._choice(people, width, height)
+        place = self._first_sight(people, width, height, frame.t_ns)
         if place is None:
             return None
-        self._chosen = True
+        self._first_sight = None
         return self._lock.choose(place, people.boxes, looks, frame.t_ns)
 
     def _drawn(
@@ -123,8 +152,13 @@ class TargetSegmenter:
         obstacle_bottoms = (
             obstacles.boxes[:, 3] if obstacles.masks is not None else np.zeros(len(obstacles), np.float32)
         )
-        bottoms = np.concatenate((people.boxes[:, 3], obstacle_bottoms))
-        return class_mask(masks, values, bottoms)
+        bottoms = people.boxes[:, 3].copy()
+        if target is not None:
+            behind = within(people.boxes, people.boxes[target]) > WITHIN
+            behind[target] = False
+            bottoms[behind] = np.minimum(bottoms[behind], bottoms[target] - 1.0)
+        drawn = class_mask(masks, values, np.concatenate((bottoms, obstacle_bottoms)))
+        return at_size(drawn, *mask_shape(height, width))
 
     def _people_masks(self, frame: Frame, people: Instances, target: int | None) -> Masks:
         if self._propagation is None or target is None:
@@ -177,3 +211,34 @@ def _fractions(box: NDArray[np.float32], frame: Frame) -> Box:
         (right - left) / width,
         (bottom - top) / height,
     )
+
+
+class Outline(NamedTuple):
+    """The target as it was seen last, to be drawn where it is expected."""
+
+    mask: NDArray[np.bool_]
+    """Shape (S, S), over the whole picture."""
+    box: NDArray[np.float32]
+    """px."""
+
+    def drawn(self, mask: NDArray[np.uint8], box: NDArray[np.float32], frame: Frame) -> NDArray[np.uint8]:
+        """Return a class mask (S, S) with the target in `box`, px, behind everybody who was found."""
+        height, width = frame.rgb.shape[:2]
+        cells = np.array([self.mask.shape[1] / width, self.mask.shape[0] / height] * 2)
+        (left, top, right, bottom), (to_left, to_top, to_right, to_bottom) = self.box * cells, box * cells
+        across, down = (to_right - to_left) / (right - left), (to_bottom - to_top) / (bottom - top)
+        moved = cv2.warpAffine(
+            self.mask.astype(np.uint8),
+            np.array([[across, 0, to_left - across * left], [0, down, to_top - down * top]]),
+            self.mask.shape[::-1],
+            flags=cv2.INTER_NEAREST,
+        )
+        return np.where((moved > 0) & (mask != MaskClass.PERSON), np.uint8(MaskClass.TARGET), mask)
+
+
+def inside(box: NDArray[np.float32], frame: Frame) -> NDArray[np.float32] | None:
+    """Return the part of a box, px, that is in the picture; None where less than half is."""
+    height, width = frame.rgb.shape[:2]
+    cut = np.clip(box, 0, (width, height, width, height)).astype(np.float32)
+    size, whole = np.prod(cut[2:] - cut[:2]), np.prod(box[2:] - box[:2])
+    return cut if size > 0.5 * whole else None

@@ -9,11 +9,15 @@ import cv2
 import numpy as np
 import pytest
 
-from adatracker_deploy.core.messages import Frame, MaskClass, TargetState
+from adatracker_deploy.core.messages import Frame, MaskClass, TargetState, at_size
+from adatracker_deploy.perception.drawing import mask_shape
 from adatracker_deploy.perception.roles import Instances
 from adatracker_deploy.perception.segmenter import check_observation
 from adatracker_deploy.perception.target.choice import Choice
+from adatracker_deploy.perception.target.lock import BRIDGED_S
 from adatracker_deploy.perception.target_segmenter import CUT_OUT, TargetSegmenter
+
+pytestmark = pytest.mark.usefixtures("chosen_at_once")
 
 ROWS, COLUMNS = 240, 400
 RED, GREEN, BLUE, PINK = (200, 30, 30), (30, 160, 40), (30, 60, 200), (240, 120, 180)
@@ -37,7 +41,7 @@ class Colours:
     def __init__(self, masks=False, size=160):
         self.masks, self.size = masks, size
 
-    def __call__(self, picture):
+    def __call__(self, picture, tall=None):
         boxes, scores, words, masks = [], [], [], []
         for colour, (word, score) in THINGS.items():
             hit = (picture == colour).all(axis=2)
@@ -107,11 +111,11 @@ def look(*things, detector=None, mask_head=None, target="best"):
 
 
 def part(*corners):
-    """A rectangle in the picture's px, as cells of the mask."""
+    """A rectangle in the picture's px, as cells of the mask, which has the picture's aspect."""
     left, top, right, bottom = corners
     hit = np.zeros((ROWS, COLUMNS), bool)
     hit[top:bottom, left:right] = True
-    return cells(hit)
+    return at_size(cells(hit), 96, 160)
 
 
 @pytest.mark.parametrize("how", [{"detector": Colours(masks=True)}, {"mask_head": CutOut()}])
@@ -120,7 +124,7 @@ def test_the_target_other_people_and_obstacles_are_each_drawn_where_they_are(how
     seen = look(*things, **how)
     for (_, *corners), value in zip(things, (TARGET, PERSON, OBSTACLE), strict=True):
         np.testing.assert_array_equal(seen.mask == value, part(*corners))
-    assert (seen.mask.shape, seen.mask.dtype) == ((160, 160), np.uint8)
+    assert (seen.mask.shape, seen.mask.dtype) == ((96, 160), np.uint8)
     assert (seen.target, seen.confidence) == (TargetState.TRACKED, 1)
 
 
@@ -140,6 +144,12 @@ def test_without_masks_a_person_is_an_ellipse_in_their_box():
 def test_who_stands_lower_covers_who_stands_higher_target_or_not(target, nearer):
     seen = look((RED, 50, 40, 110, 160), (GREEN, 90, 60, 150, 200), target=target)
     assert seen.mask[part(95, 100, 105, 140)].tolist().count(nearer) > 0.9 * part(95, 100, 105, 140).sum()
+
+
+def test_a_second_box_on_the_target_is_never_painted_over_it():
+    alone = look((RED, 100, 40, 180, 200))
+    twice = look((RED, 100, 40, 180, 200), (GREEN, 115, 120, 165, 206))
+    np.testing.assert_array_equal(twice.mask == TARGET, alone.mask == TARGET)
 
 
 def test_an_obstacle_that_is_only_a_box_never_hides_anybody():
@@ -211,7 +221,8 @@ def test_reset_chooses_anew():
         scene((GREEN, 200, 60, 250, 180)),
     )
     (a, b) = watch(film(both, green), segmenter)
-    assert (a.box.cx, b.box, b.target) == (75 / 400, None, TargetState.COASTING)
+    assert (a.box.cx, a.target) == (75 / 400, TargetState.TRACKED)
+    assert b.target is TargetState.COASTING
     segmenter.reset()
     (c,) = watch(film(green), segmenter)
     assert (c.box.cx, c.target) == (225 / 400, TargetState.TRACKED)
@@ -221,7 +232,12 @@ def test_out_of_sight_there_is_neither_box_nor_mask_and_back_again_there_is():
     here, empty = scene((RED, 150, 60, 200, 180)), scene()
     seen = watch(film(*[here] * 3, *[empty] * 50, *[here] * 5))
     assert [each.target for each in seen[:22]] == [TargetState.TRACKED] * 3 + [TargetState.COASTING] * 19
-    for each in seen[3:53]:
+    bridged = 3 + round(BRIDGED_S * 20)
+    for each in seen[3:bridged]:
+        assert each.box.cx == pytest.approx(seen[2].box.cx)
+        assert each.confidence == 0
+        np.testing.assert_array_equal(each.mask, seen[2].mask)
+    for each in seen[bridged:53]:
         assert (each.box, each.confidence, each.mask.max()) == (None, 0, 0)
     assert seen[52].target is TargetState.LOST
     assert [each.target for each in seen[53:]] == [TargetState.LOST] * 2 + [
@@ -240,4 +256,62 @@ def test_the_first_person_to_come_is_chosen_though_the_film_began_without_one():
 def test_a_picture_of_one_colour_and_any_shape_is_no_trouble():
     for shape in ((1, 1, 3), (2, 300, 3), (300, 2, 3)):
         seen = watch(film(*[np.full(shape, 200, np.uint8)] * 2))
-        assert seen[1].mask.shape == (160, 160)
+        assert seen[1].mask.shape == mask_shape(*shape[:2])
+        assert max(seen[1].mask.shape) == 160
+
+
+class Missing:
+    """Implements `Detector`: finds a person only if told a height that suits it."""
+
+    vocabulary = ("person",)
+
+    def __init__(self, suits):
+        self.suits, self.told = suits, []
+
+    def __call__(self, picture, tall=None):
+        self.told.append(tall)
+        there = Instances(
+            np.array([(50, 60, 100, 180)], np.float32), np.array([0.9], np.float32), ("person",)
+        )
+        return there if self.suits(tall) else Instances.none()
+
+
+@pytest.mark.parametrize("suits", [lambda tall: tall is None, lambda tall: tall is not None])
+def test_a_target_that_one_scale_misses_is_looked_for_at_another(suits):
+    seen = watch(film(*[scene()] * 4), TargetSegmenter(Missing(suits), None))
+    assert TargetState.TRACKED in {each.target for each in seen[:2]}
+
+
+def test_the_detector_is_told_how_tall_the_target_is_while_it_is_in_sight():
+    detector = Missing(lambda tall: True)
+    watch(film(*[scene()] * 4), TargetSegmenter(detector, None))
+    assert detector.told[1:] == [120 / 400] * 3
+
+
+def test_a_target_that_one_picture_misses_is_drawn_where_it_goes():
+    """It walks 6 px a picture; the detector misses it once."""
+    pictures = [scene((RED, 20 + 6 * n, 60, 70 + 6 * n, 200)) for n in range(12)]
+    pictures[8] = scene()
+    seen = watch(film(*pictures))
+    assert seen[8].target is TargetState.COASTING
+    assert seen[8].box.cx * COLUMNS == pytest.approx(45 + 6 * 8, abs=2)
+    there = part(20 + 6 * 8, 60, 70 + 6 * 8, 200)
+    drawn = seen[8].mask == TARGET
+    assert (drawn & there).sum() / (drawn | there).sum() > 0.85
+
+
+def test_who_leaves_the_picture_is_not_drawn_at_its_edge_for_long():
+    pictures = [scene((RED, 340 + 12 * n, 60, 400, 200)) for n in range(4)] + [scene()] * 10
+    seen = watch(film(*pictures))
+    for each in seen:
+        assert each.box is None or 0 < each.box.w <= 1
+    assert seen[-1].box is None
+
+
+def test_where_somebody_else_is_found_the_target_is_not_expected():
+    """Green steps before red, who is hidden then."""
+    here = scene((RED, 150, 60, 200, 180))
+    behind = scene((GREEN, 148, 58, 202, 182))
+    seen = watch(film(*[here] * 4, *[behind] * 3))
+    assert all(each.box is None for each in seen[4:])
+    assert not (seen[5].mask == TARGET).any()

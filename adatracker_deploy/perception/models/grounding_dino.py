@@ -104,7 +104,7 @@ class GroundingDino:
         """The words that it was given."""
         return self._rules.vocabulary
 
-    def __call__(self, picture: Picture) -> Instances:
+    def __call__(self, picture: Picture, tall: float | None = None) -> Instances:  # noqa: ARG002 -- any scale is as good
         """Return the detections in an image; raises PlatformError if the network's output is invalid."""
         feeds, place = self._input.feed(picture)
         outputs = (self._given["logits"], self._given["boxes"])

@@ -88,7 +88,7 @@ class RfDetrDetector:
                 "as probabilities do: write `masks: probabilities` in the sidecar"
             )
 
-    def __call__(self, picture: Picture) -> Instances:
+    def __call__(self, picture: Picture, tall: float | None = None) -> Instances:  # noqa: ARG002 -- any scale is as good
         """Return the detections in an image; raises PlatformError if the network's output is invalid."""
         feeds, place = self._input.feed(picture)
         values = self.networks[0].run(feeds, tuple(self._given.values()))

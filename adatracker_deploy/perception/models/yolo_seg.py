@@ -84,7 +84,7 @@ class YoloDetector:
         """The words that it was opened with, or all that it knows."""
         return self._rules.vocabulary
 
-    def __call__(self, picture: Picture) -> Instances:
+    def __call__(self, picture: Picture, tall: float | None = None) -> Instances:  # noqa: ARG002 -- any scale is as good
         """Return the detections in an image; raises PlatformError if the network's output is invalid."""
         feeds, place = self._input.feed(picture)
         values = self.networks[0].run(feeds, tuple(self._given.values()))

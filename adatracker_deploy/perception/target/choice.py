@@ -14,13 +14,11 @@ from adatracker_deploy.perception.boxes import centres, overlap
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from adatracker_deploy.perception.roles import Boxes, Instances
+    from adatracker_deploy.perception.roles import Boxes
 
 Rule = Literal["largest", "central", "best"]
 """The largest box, the one nearest the image centre, or the one with the best score."""
 
-LEAST_SCORE = 0.5
-"""Least score of a detection that may be chosen."""
 _LEAST_OVERLAP = 0.3
 
 
@@ -57,24 +55,15 @@ class Choice:
             "LEFT,TOP,RIGHT,BOTTOM in fractions of the picture"
         )
 
-    def __call__(self, people: Instances, width: int, height: int) -> int | None:
-        """Return the index in `people` of the chosen person; None while nobody qualifies.
+    def __call__(self, boxes: Boxes, scores: NDArray[np.float32]) -> int | None:
+        """Return the index of the chosen one among boxes; None while nobody qualifies.
 
         Args:
-            people: everybody in the picture.
-            width: of the picture, px.
-            height: of the picture, px.
+            boxes: everybody's, in fractions of the picture, shape (n, 4).
+            scores: the detector's, shape (n,).
         """
-        places = np.flatnonzero(people.scores >= LEAST_SCORE)
-        if not places.size:
+        if not len(boxes):
             return None
-        scale = np.array([width, height, width, height], np.float32)
-        boxes = np.asarray(people.boxes[places] / scale, np.float32)
-        among = self._among(boxes, people.scores[places])
-        return None if among is None else int(places[among])
-
-    def _among(self, boxes: Boxes, scores: NDArray[np.float32]) -> int | None:
-        """Return the place of the one chosen among boxes in fractions of the picture."""
         if self.index is not None:
             order = np.argsort(boxes[:, 0], kind="stable")
             return int(order[self.index]) if self.index < len(order) else None

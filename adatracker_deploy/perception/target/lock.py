@@ -26,6 +26,10 @@ if TYPE_CHECKING:
 
 COAST_S = 1.0
 """Time out of sight after which the target is lost."""
+BRIDGED_S = 0.3
+"""A target that is missed for no longer is where it is expected: detectors miss single pictures."""
+_TAKEN = 0.3
+"""IoU with somebody's box from which on the target is not expected there, but behind them."""
 FORGET_S = 2.0
 """Time out of sight after which another person's track is deleted."""
 CROWDED = 0.1
@@ -61,6 +65,9 @@ class Locked(NamedTuple):
     """Index of the target's box; None while there is none."""
     likeness: float
     """Similarity of that box to the target, 0 to 1; 0 without a box."""
+    expected: tuple[float, float, float, float] | None = None
+    """Where the target must be now (left, top, right, bottom), px, while it has been missed for `BRIDGED_S`
+    at most and nobody else was found there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,9 +180,19 @@ class TargetLock:
         self._others = [other for _, other in known]
         self._others += [other for other in unseen if other.person.unseen_s <= FORGET_S]
         if place is None:
-            return Locked(TargetState.LOST if target.lost else TargetState.COASTING, None, 0.0)
+            state = TargetState.LOST if target.lost else TargetState.COASTING
+            return Locked(state, None, 0.0, _expected(target, boxes))
         state = TargetState.REACQUIRED if was_lost else TargetState.TRACKED
         return Locked(state, place, float(alike[place]))
+
+
+def _expected(target: _Target, boxes: Boxes) -> tuple[float, float, float, float] | None:
+    """Return where a target that has just been missed is, unless somebody else was found there."""
+    box = target.person.box.astype(np.float32)
+    if target.person.unseen_s > BRIDGED_S or overlap(box[None], boxes).max(initial=0.0) >= _TAKEN:
+        return None
+    left, top, right, bottom = box.tolist()
+    return left, top, right, bottom
 
 
 def _places(

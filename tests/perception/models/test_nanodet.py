@@ -8,12 +8,15 @@ from __future__ import annotations
 import numpy as np
 import onnx
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from onnx import TensorProto, helper, numpy_helper
 
 from adatracker_deploy.core.errors import PlatformError, UsageError
 from adatracker_deploy.perception.models.coco import COCO80
 from adatracker_deploy.perception.models.model_file import read_model_file
-from adatracker_deploy.perception.models.nanodet import NanoDet
+from adatracker_deploy.perception.models.nanodet import SIDE as LARGEST
+from adatracker_deploy.perception.models.nanodet import STRIDES, NanoDet, suited_side
 
 SIDE = 64
 INDEX = {name: index for index, name in COCO80.items()}
@@ -261,3 +264,16 @@ def test_grids_of_another_size_than_the_pictures_are_refused(tmp_path, head):
 
     with pytest.raises(PlatformError, match=f"gave {head} for [0-9]+ cells; an input of 32 x 64 has 32"):
         detector(tmp_path, [PERSON], change=cut)(blank(32, 64))
+
+
+@given(st.floats(0.01, 1.0))
+def test_a_height_that_the_network_is_weak_at_is_scaled_to_another(tall):
+    side = suited_side(tall)
+    assert side % STRIDES[-1] == 0
+    assert STRIDES[-1] < side <= LARGEST
+    assert tall * side <= 115 or 185 <= tall * side <= 245
+
+
+@pytest.mark.parametrize(("tall", "side"), [(0.1, 416), (0.25, 416), (0.35, 320), (0.5, 416), (1.0, 224)])
+def test_the_largest_side_that_suits_is_taken(tall, side):
+    assert suited_side(tall) == side

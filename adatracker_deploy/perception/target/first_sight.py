@@ -1,0 +1,132 @@
+"""Chooses the target over several pictures.
+
+One picture is not enough: its best box may be a mistake, and the nearest person may be missed in it while
+somebody behind is found. So whoever is to be chosen has been seen several times, and nobody whom the rule
+would rather choose is in doubt any more. Time is passed in; the same pictures give the same choice.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from adatracker_deploy.perception.boxes import overlap
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from adatracker_deploy.perception.roles import Boxes, Instances
+    from adatracker_deploy.perception.target.choice import Choice
+
+LEAST_SCORE = 0.2
+"""Score of a box that may be somebody; every second one between 0.35 and 0.5 was false on street footage."""
+TRUSTED_SCORE = 0.35
+"""Least mean score of somebody who is chosen."""
+TRUSTED_SIGHTS = 3
+TRUSTED_S = 0.3
+"""How often, and over how long, somebody is seen before they are chosen."""
+PATIENCE_S = 2.0
+"""How long the choice waits for somebody in doubt."""
+_FORGET_S = 0.5
+_SAME = 0.3
+"""IoU of one person's boxes in two pictures."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Candidate:
+    box: NDArray[np.float32]
+    """In fractions of the picture."""
+    first_ns: int
+    last_ns: int
+    scores: float
+    """Their sum."""
+    sights: int = 1
+
+    @property
+    def score(self) -> float:
+        """The mean score."""
+        return self.scores / self.sights
+
+    @property
+    def trusted(self) -> bool:
+        return (
+            self.sights >= TRUSTED_SIGHTS
+            and self.last_ns - self.first_ns >= TRUSTED_S * 1e9
+            and self.score >= TRUSTED_SCORE
+        )
+
+
+class FirstSight:
+    """Watches everybody until one of them is the target.
+
+    Args:
+        choice: the rule.
+    """
+
+    def __init__(self, choice: Choice) -> None:
+        self._choice = choice
+        self._candidates: list[_Candidate] = []
+        self._begun_ns: int | None = None
+
+    def __call__(self, people: Instances, width: int, height: int, t_ns: int) -> int | None:
+        """Return the index in `people` of the target; None while there is no choice yet.
+
+        Args:
+            people: everybody in the picture.
+            width: of the picture, px.
+            height: of the picture, px.
+            t_ns: when it was taken, not before the last one.
+        """
+        places = np.flatnonzero(people.scores >= LEAST_SCORE)
+        scale = np.array([width, height, width, height], np.float32)
+        boxes = np.asarray(people.boxes[places] / scale, np.float32)
+        shown = self._follow(boxes, people.scores[places], t_ns)
+        if self._begun_ns is None and len(boxes):
+            self._begun_ns = t_ns
+        chosen = self._chosen([at for at, candidate in enumerate(self._candidates) if candidate.trusted])
+        if chosen is None or chosen not in shown:
+            return None
+        waited_ns = t_ns - (t_ns if self._begun_ns is None else self._begun_ns)
+        if chosen != self._chosen(range(len(self._candidates))) and waited_ns < PATIENCE_S * 1e9:
+            return None
+        return int(places[shown[chosen]])
+
+    def _follow(self, boxes: Boxes, scores: NDArray[np.float32], t_ns: int) -> dict[int, int]:
+        """Take the next picture's boxes; return which candidate has which."""
+        known = [old for old in self._candidates if t_ns - old.last_ns <= _FORGET_S * 1e9]
+        shown: dict[int, int] = {}
+        if known and len(boxes):
+            shared = overlap(np.array([old.box for old in known]), boxes)
+            for at in np.argsort(-shared, axis=None):
+                row, column = divmod(int(at), len(boxes))
+                if shared[row, column] < _SAME:
+                    break
+                if row not in shown and column not in shown.values():
+                    shown[row] = column
+        for row, column in shown.items():
+            old = known[row]
+            known[row] = replace(
+                old,
+                box=boxes[column],
+                last_ns=t_ns,
+                scores=old.scores + float(scores[column]),
+                sights=old.sights + 1,
+            )
+        for column in set(range(len(boxes))) - set(shown.values()):
+            shown[len(known)] = column
+            known.append(_Candidate(boxes[column], t_ns, t_ns, float(scores[column])))
+        self._candidates = known
+        return shown
+
+    def _chosen(self, among: list[int] | range) -> int | None:
+        """Return the candidate that the rule chooses among some."""
+        if not among:
+            return None
+        candidates = [self._candidates[at] for at in among]
+        place = self._choice(
+            np.array([candidate.box for candidate in candidates], np.float32),
+            np.array([candidate.score for candidate in candidates], np.float32),
+        )
+        return None if place is None else among[place]

@@ -1,0 +1,116 @@
+"""The target is chosen over several pictures: never by one mistake, nor who is behind one who is missed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from adatracker_deploy.perception.roles import Instances
+from adatracker_deploy.perception.target.choice import Choice
+from adatracker_deploy.perception.target.first_sight import (
+    LEAST_SCORE,
+    PATIENCE_S,
+    TRUSTED_S,
+    TRUSTED_SCORE,
+    TRUSTED_SIGHTS,
+    FirstSight,
+)
+
+WIDTH, HEIGHT = 400, 200
+NEAR, FAR = (150, 20, 230, 190), (180, 60, 205, 120)
+RATE_HZ = 10.0
+
+
+def people(*found):
+    """Whoever is found: (box, score) each."""
+    return Instances(
+        np.array([box for box, _ in found], np.float32).reshape(-1, 4),
+        np.array([score for _, score in found], np.float32),
+        ("person",) * len(found),
+    )
+
+
+def first_chosen(pictures, rule="largest", rate_hz=RATE_HZ):
+    """Return the number of the picture in which somebody is chosen, and their box; None if nobody is."""
+    first_sight = FirstSight(Choice.read(rule))
+    for number, found in enumerate(pictures):
+        crowd = people(*found)
+        place = first_sight(crowd, WIDTH, HEIGHT, round(number * 1e9 / rate_hz))
+        if place is not None:
+            return number, tuple(crowd.boxes[place].tolist())
+    return None
+
+
+@pytest.mark.parametrize("rate_hz", [5.0, 10.0, 20.0, 60.0])
+def test_who_stands_there_is_chosen_once_seen_often_and_long_enough(rate_hz):
+    number, box = first_chosen([[(NEAR, 0.8)]] * 60, rate_hz=rate_hz)
+    assert box == NEAR
+    assert number + 1 >= TRUSTED_SIGHTS
+    assert TRUSTED_S <= number / rate_hz <= max(TRUSTED_S, (TRUSTED_SIGHTS - 1) / rate_hz) + 1 / rate_hz
+
+
+def test_one_picture_alone_chooses_nobody():
+    assert first_chosen([[(NEAR, 0.99)]]) is None
+    assert first_chosen([[(NEAR, 0.99)], *[[]] * 50]) is None
+
+
+def test_somebody_seen_from_behind_is_chosen_by_a_low_score():
+    assert first_chosen([[(NEAR, 0.4)]] * 10)[1] == NEAR
+    assert first_chosen([[(NEAR, TRUSTED_SCORE - 0.01)]] * 50) is None
+
+
+@pytest.mark.parametrize("rule", ["largest", "0.48,0.5"])
+def test_whoever_is_behind_is_not_chosen_while_the_near_one_is_in_doubt(rule):
+    """The near one is missed in half of the pictures, and unsure in the others."""
+    doubtful = [[(NEAR, 0.3), (FAR, 0.9)] if number % 2 else [(FAR, 0.9)] for number in range(12)]
+    sure = [[(NEAR, 0.6), (FAR, 0.9)]] * 12
+    assert first_chosen(doubtful + sure, rule)[1] == NEAR
+
+
+def test_somebody_in_doubt_is_not_waited_for_for_ever():
+    number, box = first_chosen([[(NEAR, 0.25), (FAR, 0.9)]] * 50)
+    assert box == FAR
+    assert number / RATE_HZ == pytest.approx(PATIENCE_S, abs=0.11)
+
+
+def test_a_mistake_that_comes_and_goes_is_nobody_and_holds_nobody_up():
+    large = (0, 0, 300, 200)
+    pictures = [[(large, 0.5), (NEAR, 0.8)], *[[(NEAR, 0.8)]] * 20]
+    number, box = first_chosen(pictures)
+    assert box == NEAR
+    assert number / RATE_HZ < 1.0
+
+
+def test_who_passes_the_point_is_not_who_was_meant():
+    """Somebody crosses the point for a moment before who stands there is found."""
+    passing = [[((20 + 60 * n, 20, 80 + 60 * n, 190), 0.9)] for n in range(6)]
+    standing = [[(NEAR, 0.8)]] * 10
+    assert first_chosen(passing + standing, "0.48,0.5")[1] == NEAR
+
+
+def test_the_nth_from_the_left_is_counted_once_nobody_is_in_doubt():
+    left, right = (20, 40, 60, 190), (300, 40, 340, 190)
+    pictures = [[(right, 0.8)], [(right, 0.8)], *[[(left, 0.7), (right, 0.8)]] * 20]
+    assert first_chosen(pictures, "#1")[1] == left
+
+
+share = st.floats(0, 1)
+boxes = st.tuples(share, share, share, share).map(
+    lambda b: (b[0] * 300, b[1] * 100, b[0] * 300 + 5 + b[2] * 90, b[1] * 100 + 5 + b[3] * 90)
+)
+
+
+@given(
+    st.lists(st.lists(st.tuples(boxes, share), max_size=4), max_size=30),
+    st.sampled_from(["largest", "best", "#2"]),
+)
+def test_whoever_is_chosen_is_in_that_picture_and_not_nobody(pictures, rule):
+    first_sight = FirstSight(Choice.read(rule))
+    for number, found in enumerate(pictures):
+        place = first_sight(people(*found), WIDTH, HEIGHT, number * 100_000_000)
+        if place is not None:
+            assert found[place][1] >= LEAST_SCORE
+            assert number + 1 >= TRUSTED_SIGHTS
+            return
