@@ -9,12 +9,15 @@ from __future__ import annotations
 import enum
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from adatracker_deploy.core.geometry import Pose
+
+if TYPE_CHECKING:
+    from adatracker_deploy.core.sight import Sight
 
 ClassMask = NDArray[np.uint8]
 """Shape (H, W); values are `MaskClass`."""
@@ -27,6 +30,17 @@ class MaskClass(enum.IntEnum):
     TARGET = 1
     PERSON = 2
     OBSTACLE = 3
+
+
+def at_size(mask: ClassMask, height: int, width: int) -> ClassMask:
+    """Return a mask's nearest pixels at another size, shape (height, width)."""
+    if mask.shape == (height, width):
+        return mask
+    rows, columns = (
+        ((np.arange(wanted) + 0.5) * given / wanted).astype(np.intp)
+        for wanted, given in zip((height, width), mask.shape, strict=True)
+    )
+    return np.asarray(mask[rows[:, None], columns])
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +57,8 @@ class Truth:
     """Bearing of the target from the robot's heading, rad, positive to the left."""
     collided: bool
     """The robot touches an obstacle or a person in this frame."""
+    in_view: bool = True
+    """The target is in the picture, or would be if nothing hid it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +71,16 @@ class Frame:
     truth: Truth | None = None
     jpeg: bytes | None = None
     """The JPEG that `rgb` was decoded from, if any; the log reuses it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shot:
+    """A picture as a simulated camera sends it: JPEG, with its capture time, sequence number and truth."""
+
+    jpeg: bytes
+    t_ns: int
+    seq: int
+    truth: Truth
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +116,7 @@ class TargetState(enum.Enum):
 
     TRACKED = "tracked"
     COASTING = "coasting"
-    """Briefly out of sight."""
+    """Briefly out of sight; at first with a box where it is expected."""
     REACQUIRED = "reacquired"
     """Seen again in this frame, after having been lost."""
     LOST = "lost"
@@ -177,3 +203,7 @@ class Seen(NamedTuple):
     """When perception received the frame, by the run's clock; None when segmenting without a clock."""
     ready_ns: int | None = None
     """When the observation was made, likewise."""
+    before_ns: int | None = None
+    """When the one before it was made, likewise."""
+    sight: Sight | None = None
+    """What it is worth, where the truth is known."""

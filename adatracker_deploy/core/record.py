@@ -100,6 +100,12 @@ class StepRecord:
     """Truth, in simulation only: bearing of the target, positive to the left."""
     target_visible: bool | None = None
     """Truth, in simulation only: within 90 degrees and 7.5 m, and in the mask."""
+    sight: str | None = None
+    """Truth, in simulation only: whether the target was seen, and if not, why; a `sight.Verdict`."""
+    mask_iou: float | None = None
+    """Truth, in simulation only: of the target's seen mask with the true one, 0 to 1."""
+    true_box: Box | None = None
+    """Truth, in simulation only: the box of the target's visible part; absent while there is none."""
     target: str | None = None
     """What is known of the target: tracked, coasting, reacquired or lost; absent where no lock keeps it."""
 
@@ -121,3 +127,6 @@ class ScoredStep:
     missed_deadlines: int
     distance_m: float | None = None
     bearing_rad: float | None = None
+    sight: str | None = None
+    mask_iou: float | None = None
+    true_box: Box | None = None

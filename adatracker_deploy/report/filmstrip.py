@@ -12,6 +12,7 @@ import numpy as np
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.core.mask_png import PALETTE
 from adatracker_deploy.core.messages import MaskClass
+from adatracker_deploy.core.sight import Verdict
 from adatracker_deploy.core.task import DESIRED_DISTANCE_M
 from adatracker_deploy.report.chart import BLUE, GAP_PX, GREY, INK, LEFT_PX, PAPER, Chart, write
 from adatracker_deploy.scoring.metrics import box_reward
@@ -40,6 +41,7 @@ LOST = (250, 222, 217)
 STALE = (226, 229, 235)
 RED = (200, 50, 40)
 GREEN = PALETTE[MaskClass.TARGET]
+UNSEEN = {verdict.value: verdict.words for verdict in Verdict if verdict is not Verdict.SEEN}
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,12 +128,17 @@ def _picture(step: StepRecord, frame: LoggedFrame, time_s: float) -> Image:
         frame.rgb, size, interpolation=cv2.INTER_AREA if height > FRAME_PX else cv2.INTER_CUBIC
     )
     image = _painted(image, cv2.resize(frame.mask, size, interpolation=cv2.INTER_NEAREST))
+    if step.true_box is not None:
+        _outline(image, step.true_box, BLUE, thick=1)
     if step.box is not None:
-        _outline(image, step.box)
+        _outline(image, step.box, GREEN)
     label = np.full((LABEL_PX, size[0], 3), PAPER, np.uint8)
     write(label, f"{time_s:.1f} s", (2, 20), INK, 0.55)
     if step.stale:
         write(label, "stale", (size[0] - 48, 20), GREY, 0.55)
+    elif step.sight in UNSEEN:
+        words = UNSEEN[step.sight]
+        write(label, words, (size[0] - 10 * len(words), 20), RED, 0.45)
     elif step.box is None:
         write(label, "lost", (size[0] - 42, 20), RED, 0.55)
     elif step.distance_m is not None:
@@ -146,13 +153,13 @@ def _painted(image: Image, mask: ClassMask) -> Image:
     return np.where(people[..., None], mixed, image)
 
 
-def _outline(image: Image, box: Box) -> None:
+def _outline(image: Image, box: Box, colour: Colour, thick: int = 2) -> None:
     height, width = image.shape[:2]
     corners = [
         (round((box.cx + side * box.w / 2) * width), round((box.cy + side * box.h / 2) * height))
         for side in (-1, 1)
     ]
-    cv2.rectangle(image, corners[0], corners[1], GREEN, 2, cv2.LINE_AA)
+    cv2.rectangle(image, corners[0], corners[1], colour, thick, cv2.LINE_AA)
 
 
 def _padded(image: Image, gap_px: int) -> Image:

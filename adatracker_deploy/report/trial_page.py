@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from adatracker_deploy.core.sight import Verdict
 from adatracker_deploy.report.charts import clock
 from adatracker_deploy.report.markup import Html, tag
 from adatracker_deploy.report.origin import LONGEST_TEXT, completeness, events_section, marks_section, origin
@@ -16,6 +17,10 @@ if TYPE_CHECKING:
 
     from adatracker_deploy.report.gather import Moment, Report
     from adatracker_deploy.trial.reader import Trial
+
+
+LEAST_SHARE = 0.005
+"""Of the ticks, below which a reason for not seeing is not shown."""
 
 
 def trial_page(report: Report, moments: Sequence[Moment]) -> str:
@@ -108,9 +113,31 @@ def _figures(report: Report) -> Html:
         values.append(("stale", f"{summary['stale']:.0%}", "of the ticks: frames too old to act on"))
     if summary["ar"] is not None:
         values.insert(4, ("AR", figure(summary["ar"], 1), "by the truth"))
+    if summary["sight"]:
+        values += _eyes(summary["sight"])
     if summary["stop_s"] is not None:
         values.append(("stop", figure(summary["stop_s"], 2, "s"), "until it stood"))
     return tiles(values)
+
+
+def _eyes(sight: dict[str, Any]) -> list[tuple[str, str, str]]:
+    """Return what the eyes were worth, by the truth that a virtual world knows."""
+    why = ", ".join(
+        f"{verdict.words} {sight[verdict.value]:.0%}"
+        for verdict in Verdict
+        if verdict is not Verdict.SEEN and sight[verdict.value] >= LEAST_SHARE
+    )
+    again = sight["found_again_s"]
+    values = [
+        ("seen by the eyes", "-" if sight["seen"] is None else f"{sight['seen']:.1%}", why),
+        ("mask IoU", figure(sight["mask_iou"], 2), f"box IoU {figure(sight['box_iou'], 2)}"),
+        ("MR by the truth", figure(sight["mr_true"], 3), "by the true boxes"),
+    ]
+    if again["times"]:
+        values.append(
+            ("found again", figure(again["p50"], 1, "s"), f"{figure(again['max'], 1, 's')} at most")
+        )
+    return values
 
 
 def _moments(moments: Sequence[Moment]) -> Html | None:

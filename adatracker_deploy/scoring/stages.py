@@ -17,7 +17,7 @@ Percentiles = dict[str, float | None]
 STAGES = {
     "capture": "the picture, until perception has it",
     "perceive": "segmentation and target lock",
-    "wait": "for the loop's next slot",
+    "wait": "until the tick begins",
     "infer": "the policy",
     "gate": "the link's next slot, and the gate",
     "send": "the robot's adapter",

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import statistics
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rich import box
 from rich.console import Group
 from rich.table import Column, Table
 from rich.text import Text
 
+from adatracker_deploy.core.sight import Verdict
 from adatracker_deploy.scoring.fitting import FittingTable
 from adatracker_deploy.scoring.stages import STAGES
 from adatracker_deploy.scoring.summary import by_method, statistics_of
@@ -87,7 +88,12 @@ def summary_table(summaries: Sequence[Summary]) -> RenderableType:
         left=("platform", "policy"),
     )
     key = Text("  mean ± std over trials; in brackets 95 % intervals: Student's t, for SR Wilson's")
-    return Group(trials, *logs, means, key, *endings)
+    eyes = [
+        Text(f"  {number:3d}  eyes: {sight_text(row['sight'])}")
+        for number, row in enumerate(summaries, start=1)
+        if row.get("sight")
+    ]
+    return Group(trials, *logs, *eyes, means, key, *endings)
 
 
 def _cells(number: int, row: Summary) -> tuple[str, ...]:
@@ -117,6 +123,30 @@ def ending_text(statistics: Summary, count: int) -> str:
     if count == left_out:
         return f"no trial kept its timing: there are no means{late}"
     return f"{ends}; {statistics['censored']} of {count - left_out} at the horizon{survival}{late}"
+
+
+def sight_text(sight: dict[str, Any]) -> str:
+    """Say what a trial's eyes were worth by the truth; `sight` is `SightTally.summary`'s."""
+    why = [
+        f"{verdict.words} {sight[verdict.value]:.1%}"
+        for verdict in Verdict
+        if verdict is not Verdict.SEEN and sight[verdict.value]
+    ]
+    again = sight["found_again_s"]
+    found = (
+        [f"found again after {again['p50']:.1f} s, {again['max']:.1f} s at most"] if again["times"] else []
+    )
+    seen = "-" if sight["seen"] is None else f"{sight['seen']:.1%}"
+    return ", ".join(
+        [
+            f"target seen in {seen} of where it was",
+            *why,
+            f"mask IoU {number_text(sight['mask_iou'], 2)}",
+            f"box IoU {number_text(sight['box_iou'], 2)}",
+            *found,
+            f"MR by the truth {number_text(sight['mr_true'], 2)}",
+        ]
+    )
 
 
 def number_text(value: float | None, digits: int) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from adatracker_deploy.scoring.metrics import DEFAULT_RULES, Rules, Scorer
+from adatracker_deploy.scoring.sights import SightTally
 from adatracker_deploy.scoring.stages import STAGES, LatencyPercentiles
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ class Tally:
 
     def __init__(self, steps: Iterable[StepRecord | ScoredStep] = (), rules: Rules = DEFAULT_RULES) -> None:
         self._scorer = Scorer(rules)
+        self._sights = SightTally()
         self._latencies = LatencyPercentiles(("sensor_to_command", "lateness", *STAGES))
         self._first_step, self._first_ns = 0, 0
         self._last_step, self._last_ns = 0, 0
@@ -47,6 +49,7 @@ class Tally:
         if self._scorer.lost:
             return
         self._scorer.add_step(step)
+        self._sights.add(step)
         self._latencies.add(step.latency)
         self._last_step, self._last_ns = step.step, step.t_ns
         self._missed_deadlines = step.missed_deadlines
@@ -77,7 +80,8 @@ class Tally:
 
         `stale` is the share of ticks whose newest frame was too old to act on. `timing_kept` is false where
         more than `TIMING_TOLERANCE` of the slots were missed or stale: such a trial says little of the
-        policy, and is not `counted` in means (`score --all` counts it).
+        policy, and is not `counted` in means (`score --all` counts it). `sight` is what the eyes were worth,
+        see `SightTally.summary`.
         Where the rules end the trial sooner than it ended, it was lost.
         """
         score = self._scorer.score()
@@ -110,6 +114,7 @@ class Tally:
             "stale": score.stale / score.ticks if score.ticks else 0.0,
             "timing_kept": kept,
             "counted": kept,
+            "sight": self._sights.summary(),
         }
 
     def _timing_kept(self) -> bool:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from adatracker_deploy.core.geometry import Pose, wrap_angle
 from adatracker_deploy.core.messages import Box, MaskClass
-from adatracker_deploy.perception.world_camera import Anchor
+from adatracker_deploy.sim.anchor import Anchor
 
 lengths = st.floats(-50, 50)
 angles = st.floats(-3.1, 3.1)
