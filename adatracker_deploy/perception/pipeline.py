@@ -1,4 +1,4 @@
-"""Runs perception in its own thread; the loop takes the newest observation and never waits for it."""
+"""Runs perception in its own thread; the loop takes the newest observation, or waits a little for one."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Self
 
 from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.messages import Seen
+from adatracker_deploy.core.sight import judged
 from adatracker_deploy.perception.segmenter import check_observation
 from adatracker_deploy.runtime.pacer import Pacer
 
@@ -34,7 +35,8 @@ def perceive(frame: Frame, segmenter: Segmenter) -> Seen:
     """
     observation = segmenter(frame)
     check_observation(observation, frame)
-    return Seen(frame, observation)
+    sight = None if frame.truth is None else judged(observation.mask, frame.truth)
+    return Seen(frame, observation, sight=sight)
 
 
 def refuse_hung(segmenter: Segmenter) -> None:
@@ -60,16 +62,25 @@ class Perception:
         self._rate_hz = rate_hz
         self._newest: Seen | None = None
         self._error: PlatformError | None = None
+        self._looking = False
+        self._looked = threading.Condition()
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="perception", daemon=True)
         self._thread.start()
 
-    def newest(self) -> Seen | None:
-        """Return the newest observation, or None before the first; never blocks.
+    def newest(self, patience_s: float = 0.0) -> Seen | None:
+        """Return the newest observation, or None before the first.
+
+        Args:
+            patience_s: machine time; how long to wait for the next one, if its picture is being looked at and
+                the last one is more than half as old as the time between the last two.
 
         Raises:
             PlatformError: the error that ended the camera or the segmenter.
         """
+        if patience_s > 0 and self._due():
+            with self._looked:
+                self._looked.wait_for(lambda: not self._looking, patience_s)
         if self._error is not None:
             raise self._error
         return self._newest
@@ -89,6 +100,17 @@ class Perception:
     ) -> None:
         self.close()
 
+    def _due(self) -> bool:
+        last = self._newest
+        if last is None or last.ready_ns is None or last.before_ns is None:
+            return False
+        return self._clock.now_ns() - last.ready_ns > (last.ready_ns - last.before_ns) / 2
+
+    def _look(self, looking: bool) -> None:
+        with self._looked:
+            self._looking = looking
+            self._looked.notify_all()
+
     def _run(self) -> None:
         pacer = Pacer(self._clock, self._rate_hz)
         try:
@@ -96,10 +118,17 @@ class Perception:
                 frame = self._camera.read(pacer.wait().t_ns)
                 if frame is not None and (self._newest is None or frame.seq != self._newest.frame.seq):
                     taken_ns = self._clock.now_ns()
+                    self._look(True)
                     seen = perceive(frame, self._segmenter)
-                    self._newest = seen._replace(taken_ns=taken_ns, ready_ns=self._clock.now_ns())
+                    before_ns = None if self._newest is None else self._newest.ready_ns
+                    self._newest = seen._replace(
+                        taken_ns=taken_ns, ready_ns=self._clock.now_ns(), before_ns=before_ns
+                    )
+                    self._look(False)
         except PlatformError as error:  # handed to whoever asks next
             self._error = error
         except BaseException as error:  # a fault of ours or a model's, sys.exit too: the robot stops
             self._error = PlatformError(f"perception: {type(error).__name__}: {error}")
             self._error.__cause__ = error
+        finally:
+            self._look(False)

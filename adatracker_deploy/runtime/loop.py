@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
 
 from adatracker_deploy.config.limits import Limits
@@ -12,8 +12,10 @@ from adatracker_deploy.core.task import MAX_LOST_STEPS, target_visible
 from adatracker_deploy.policy.base import Policy, to_twist
 from adatracker_deploy.runtime.link import LinkStatus, Phase
 from adatracker_deploy.runtime.pacer import Pacer, Tick
+from adatracker_deploy.runtime.phase import WAIT, earlier_s
 from adatracker_deploy.runtime.pulse import LINK_LOST
 from adatracker_deploy.runtime.trace import Handed, Trace
+from adatracker_deploy.runtime.unseen import Unseen
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -63,7 +65,8 @@ class Ending:
 class Loop:
     """One trial's loop over parts that are already running."""
 
-    observe: Callable[[], Seen | None]
+    observe: Callable[[float], Seen | None]
+    """Returns the newest observation; may wait for one that is due, so many seconds of the machine's."""
     policy: Policy
     link: Commands
     limits: Limits
@@ -85,8 +88,8 @@ class Loop:
             self._write(trace.settled(self.link.status(), patience=0))
 
     def _follow(self, steps: int, trace: Trace) -> Ending:
-        pacer = Pacer(self.clock, self.policy.info.rate_hz)
-        lost, fresh_ns = 0, self.clock.now_ns()
+        pacer, period_s = Pacer(self.clock, self.policy.info.rate_hz), 1.0 / self.policy.info.rate_hz
+        unseen, fresh_ns = Unseen(), self.clock.now_ns()
         for step in range(steps + 1):
             tick = pacer.wait(self._patience)
             status = self.link.status()
@@ -94,11 +97,13 @@ class Loop:
                 return Ending("system_fault", LINK_LOST)
             if ending := self._stopped(tick, status):
                 return ending
-            seen = self.observe()
+            slot_ns, seen = tick.t_ns, self.observe(period_s * WAIT / self.clock.speed)
             if seen is None:
                 return Ending("system_fault", "the camera has given no frame")
+            tick = replace(tick, t_ns=self.clock.now_ns())
             if ending := self._blind(tick, seen, fresh_ns):
                 return ending
+            pacer.shift(earlier_s(seen, slot_ns, period_s))
             action, infer_ms = self._act(tick, seen)
             command = to_twist(action.values, self.policy.info.action, self.limits) if action else ZERO
             box = seen.observation.box if action else None
@@ -117,8 +122,9 @@ class Loop:
             trace.hand_over(record, seen, handed_ns)
             self._write(trace.settled(status))
             if action:
-                fresh_ns, lost = tick.t_ns, 0 if box else lost + 1
-            if ending := _result(lost, seen):
+                fresh_ns = tick.t_ns
+                unseen.add(seen)
+            if ending := _result(unseen, seen):
                 return ending
         return Ending("completed")
 
@@ -169,10 +175,10 @@ class Loop:
         return (tick.t_ns - seen.frame.t_ns) / 1e9 / self.clock.speed
 
 
-def _result(lost: int, seen: Seen) -> Ending | None:
+def _result(unseen: Unseen, seen: Seen) -> Ending | None:
     """Say how the trial has ended by the task's own rules; None while it goes on."""
-    if lost >= MAX_LOST_STEPS:
-        return Ending("lost", f"the target was not seen for {lost} steps")
+    if unseen.steps >= MAX_LOST_STEPS:
+        return Ending("lost", str(unseen))
     if seen.frame.truth is not None and seen.frame.truth.collided:
         return Ending("collision", "the robot touched an obstacle or a person")
     return None
@@ -207,6 +213,7 @@ def _record(
 ) -> StepRecord:
     """Put one tick down as it is before the link has acted; without an action the observation was stale."""
     observation, truth, state = seen.observation, seen.frame.truth, status.state
+    sight = seen.sight
     return StepRecord(
         step=step,
         t_ns=tick.t_ns,
@@ -224,6 +231,9 @@ def _record(
         state_age_s=state.age_s(tick.t_ns),
         latency=latency,
         missed_deadlines=missed_deadlines,
+        sight=sight.verdict.value if sight else None,
+        mask_iou=sight.mask_iou if sight else None,
+        true_box=sight.true_box if sight else None,
         target=observation.target.value if observation.target else None,
         distance_m=truth.distance_m if truth else None,
         bearing_rad=truth.bearing_rad if truth else None,

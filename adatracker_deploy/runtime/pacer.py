@@ -33,6 +33,10 @@ class Pacer:
         self.missed = 0
         """Slots skipped so far."""
 
+    def shift(self, earlier_s: float) -> None:
+        """Let this and all later slots begin sooner, by less than half a period; below 0 later."""
+        self._start_ns -= round(earlier_s * 1e9)
+
     def wait(self, patience: float = math.inf) -> Tick:
         """Sleep until the next slot that is not yet half over.
 

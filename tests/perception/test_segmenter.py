@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -162,6 +163,95 @@ def test_the_loop_never_waits_for_a_segmenter_that_stalls(monkeypatch):
     mended.set()
     perception._thread.join(10)
     assert not perception._thread.is_alive()
+
+
+class Film:
+    """A camera whose pictures come one by one, when they are shown."""
+
+    def __init__(self):
+        self.frame = None
+
+    def show(self, seq):
+        self.frame = replace(FRAME, seq=seq)
+
+    def read(self, now_ns):
+        return self.frame
+
+
+class Thinking:
+    """A segmenter that thinks about each picture until it is let go."""
+
+    def __init__(self):
+        self.begun, self.done = threading.Semaphore(0), threading.Semaphore(0)
+        self.fails = False
+
+    def __call__(self, frame):
+        self.begun.release()
+        assert self.done.acquire(timeout=30)
+        return replace(good(frame), seq=-1) if self.fails else good(frame)
+
+
+class Standing(FakeClock):
+    """Stands still unless it is advanced."""
+
+    def sleep_until(self, deadline_ns):
+        time.sleep(0.001)
+
+
+@pytest.fixture
+def thinking():
+    """Perception that has seen two pictures 50 ms apart; its camera, segmenter and clock."""
+    film, segmenter, clock = Film(), Thinking(), Standing()
+    with Perception(film, segmenter, clock, 20.0) as perception:
+        for seq in (1, 2):
+            clock.advance(0.05)
+            film.show(seq)
+            assert segmenter.begun.acquire(timeout=10)
+            segmenter.done.release()
+            until(lambda seq=seq: (seen := perception.newest()) is not None and seen.frame.seq == seq)
+        yield perception, film, segmenter, clock
+        segmenter.done.release(10)
+
+
+def test_an_observation_that_is_due_is_waited_for(thinking):
+    perception, film, segmenter, clock = thinking
+    clock.advance(0.04)
+    film.show(3)
+    assert segmenter.begun.acquire(timeout=10)
+    threading.Timer(0.05, segmenter.done.release).start()
+    assert perception.newest(patience_s=30.0).frame.seq == 3
+
+
+@pytest.mark.parametrize(
+    ("later_s", "patience_s"),
+    [(0.02, 30.0), (0.04, 0.01), (0.04, 0.0)],
+    ids=["fresh", "impatient", "at once"],
+)
+def test_nothing_is_waited_for_while_the_last_is_fresh_or_for_longer_than_allowed(
+    thinking, later_s, patience_s
+):
+    perception, film, segmenter, clock = thinking
+    film.show(3)
+    assert segmenter.begun.acquire(timeout=10)
+    clock.advance(later_s)
+    assert perception.newest(patience_s).frame.seq == 2
+
+
+def test_nothing_is_waited_for_while_nothing_is_looked_at(thinking):
+    perception, _, _, clock = thinking
+    clock.advance(0.04)
+    assert perception.newest(patience_s=30.0).frame.seq == 2
+
+
+def test_whoever_waits_learns_of_a_failure(thinking):
+    perception, film, segmenter, clock = thinking
+    clock.advance(0.04)
+    segmenter.fails = True
+    film.show(3)
+    assert segmenter.begun.acquire(timeout=10)
+    threading.Timer(0.05, segmenter.done.release).start()
+    with pytest.raises(PlatformError):
+        perception.newest(patience_s=30.0)
 
 
 def test_a_segmenter_that_hung_is_no_other_trials_until_it_returns(monkeypatch):

@@ -27,6 +27,7 @@ from adatracker_deploy.core.messages import (
 from adatracker_deploy.policy.base import FORWARD_YAW, PolicyInfo
 from adatracker_deploy.runtime.link import Acted, LinkStatus, Phase
 from adatracker_deploy.runtime.loop import BLIND_S, MISSED_IN_A_ROW, STALE_OBSERVATION_S, Ending, Loop
+from adatracker_deploy.runtime.phase import WAIT
 
 LIMITS = Limits(forward_m_s=2.0, backward_m_s=1.0, yaw_rate_rad_s=1.0, accel_m_s2=2.0, yaw_accel_rad_s2=4.0)
 BOX = Box(0.5, 0.5, 0.2, 0.6)
@@ -50,6 +51,8 @@ class Rehearsal:
     status_now: LinkStatus | None = FLYING
     living: bool = True
     frame: bool = True
+    waited_s: float = 0.0
+    """How long each tick waits for its observation."""
     stall_s: float = 0.0
     """How long the tracker gets no processor time in each tick."""
     commands: list[Twist] = field(default_factory=list)
@@ -60,7 +63,9 @@ class Rehearsal:
     asked: int = 0
     info: PolicyInfo = INFO
 
-    def observe(self):
+    def observe(self, patience_s):
+        self.patience_s = patience_s
+        self.clock.advance(self.waited_s)
         self.tick += 1
         for name, value in self.at.get(self.tick, {}).items():
             setattr(self, name, value)
@@ -260,6 +265,17 @@ def test_each_step_says_where_its_time_went_from_the_sensor_to_the_wire():
     assert latency.sensor_to_wire_ms == pytest.approx(latency.sensor_to_command_ms + 7.0)
 
 
+def test_a_tick_that_waited_for_its_observation_begins_when_that_is_ready():
+    at_once, waiting = Wired(), Wired(waited_s=0.006, age_s=0.013)
+    at_once.run()
+    waiting.run()
+    first, second = at_once.records[3], waiting.records[3]
+    assert second.t_ns - first.t_ns == pytest.approx(6e6, abs=3e6)  # the slots, too, come a little later
+    assert second.latency.wait_ms == pytest.approx(0.0)
+    assert second.latency.lateness_ms == first.latency.lateness_ms
+    assert waiting.patience_s == pytest.approx(WAIT / INFO.rate_hz)
+
+
 def test_a_record_is_one_ticks_what_was_asked_and_what_was_sent_for_it():
     rehearsal = Wired()
     rehearsal.run()
@@ -284,10 +300,10 @@ def test_whatever_ends_the_loop_every_tick_that_was_driven_is_written():
     rehearsal = Wired()
     observe = rehearsal.observe
 
-    def until_the_film_is_over():
+    def until_the_film_is_over(patience_s):
         if rehearsal.tick == 7:
             raise FilmOver
-        return observe()
+        return observe(patience_s)
 
     rehearsal.observe = until_the_film_is_over
     with pytest.raises(FilmOver):
