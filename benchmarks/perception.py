@@ -43,7 +43,7 @@ from adatracker_deploy.perception.pipeline import Perception
 from adatracker_deploy.perception.segmenters import EMBEDDED, open_segmenter
 from adatracker_deploy.perception.sources import FileCamera
 from adatracker_deploy.perception.target.appearance import appearances
-from adatracker_deploy.perception.target.choice import LEAST_SCORE, Choice
+from adatracker_deploy.perception.target.choice import Choice
 from adatracker_deploy.perception.target.lock import TargetLock
 from adatracker_deploy.perception.target.motion import CameraMotion
 from adatracker_deploy.perception.target_segmenter import TargetSegmenter
@@ -53,6 +53,8 @@ RATE_HZ = 7.0
 """Of PETS09-S2L1; the file says 10."""
 MATCH = 0.5
 LOST_FRAMES = 20
+SURE_SCORE = 0.5
+"""Of the false people that are counted."""
 FALSE = 0.3
 """A box that overlaps nobody by more is of no person."""
 THRESHOLDS = (0.35, 0.4, 0.45, 0.48, 0.5, 0.52, 0.55)
@@ -209,7 +211,7 @@ def print_noise(found, truth) -> None:
     false = sum(
         int(not len(there) or overlap(box[None], np.array(list(there.values()))).max() < FALSE)
         for (boxes, scores, _, _), there in zip(found, truth, strict=True)
-        for box in boxes[scores >= LEAST_SCORE]
+        for box in boxes[scores >= SURE_SCORE]
     )
     print(f"{frames} frames of {frames / RATE_HZ:.0f} s; false people a frame: {false / len(found):.2f}")
     mean_s = np.mean(short) / RATE_HZ

@@ -37,6 +37,12 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     )
     parser.add_argument("--condition", default="clean", metavar="NAME", help="clean, field or hard (clean)")
     parser.add_argument("--scene", default="simple_room", metavar="NAME", help="(default: %(default)s)")
+    parser.add_argument(
+        "--segmenter",
+        default="truth",
+        metavar="NAME|FILE",
+        help="embedded, or a model's file: play on what it sees in pictures (default: masks of the truth)",
+    )
     parser.add_argument("--episodes", type=int, default=20, metavar="N", help="a cell (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of the run (default: %(default)s)")
     parser.add_argument("--steps", type=int, default=500, metavar="N", help="horizon (default: %(default)s)")
@@ -90,6 +96,7 @@ def _grid(args: argparse.Namespace) -> int:
         episodes=args.episodes,
         seed=args.seed,
         steps=args.steps,
+        segmenter=args.segmenter,
     )
     labels = policy_labels(grid.policies)
     if args.picture is not None:

@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.evaluation.eyes import check_eyes
 from adatracker_deploy.evaluation.play import Episode
 from adatracker_deploy.learning.conditions import HEIGHTS_M, TARGET_SPEEDS_M_S, condition_named, make_cell
 from adatracker_deploy.learning.episode_spec import RATE_HZ
 from adatracker_deploy.learning.seeds import FIRST_EVALUATION
+from adatracker_deploy.perception.segmenters import TRUTH
 from adatracker_deploy.policy.catalogue import load_policy
 from adatracker_deploy.policy.onnx_policy import OnnxPolicy
 from adatracker_deploy.sim import check_scene
@@ -51,10 +53,15 @@ class Grid:
     """Seed of the whole grid; another one gives other episodes, all reserved for evaluation."""
     steps: int = PAPER_STEPS
     """The horizon."""
+    segmenter: str = TRUTH
+    """``truth``, whose masks the condition spoils; or one that is shown pictures, as `open_segmenter` takes
+    it, and spoils its own."""
 
     def __post_init__(self) -> None:
         condition_named(self.condition)
         check_scene(self.scene)
+        if self.segmenter != TRUTH:
+            check_eyes(self.segmenter)
         for name, value, low, high in (
             ("episodes", self.episodes, 1, MOST_EPISODES),
             ("seed", self.seed, 0, 1_000_000),
@@ -68,8 +75,8 @@ class Grid:
 
     @property
     def is_the_papers(self) -> bool:
-        """Scene and horizon are those of the paper's table."""
-        return (self.scene, self.steps) == (PAPER_SCENE, PAPER_STEPS)
+        """Scene, horizon and masks are those of the paper's table."""
+        return (self.scene, self.steps, self.segmenter) == (PAPER_SCENE, PAPER_STEPS, TRUTH)
 
     def plan(self) -> list[Episode]:
         """Return all episodes, one of every cell by every policy after the other.
@@ -77,7 +84,7 @@ class Grid:
         So a run that is cut short has as many of each, give or take one.
         """
         return [
-            Episode(policy=policy, spec=spec, steps=self.steps)
+            Episode(policy=policy, spec=spec, steps=self.steps, segmenter=self.segmenter)
             for number in range(self.episodes)
             for index, cell in enumerate(CELLS)
             for spec in [

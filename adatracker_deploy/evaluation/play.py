@@ -16,13 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adatracker_deploy.core.errors import PlatformError, UsageError
+from adatracker_deploy.evaluation.eyes import Eyes, eyes_of
 from adatracker_deploy.learning.tracking import Tracking
+from adatracker_deploy.perception.segmenters import TRUTH
 from adatracker_deploy.policy.base import to_twist
 from adatracker_deploy.policy.catalogue import load_policy
 
 if TYPE_CHECKING:
     from collections.abc import Generator, Sequence
 
+    from adatracker_deploy.evaluation.eyes import Sights
     from adatracker_deploy.learning.episode_spec import EpisodeSpec
     from adatracker_deploy.policy.base import Policy
 
@@ -40,6 +43,8 @@ class Episode:
     """The horizon."""
     with_contexts: bool = False
     """Every tick's z is wanted."""
+    segmenter: str = TRUTH
+    """As `open_segmenter` takes it; all but the truth are shown pictures."""
     imposed: Contexts | None = None
     """A z of shape (Z,) to answer with instead of the encoder's own."""
 
@@ -56,6 +61,8 @@ class Played:
     """The horizon was reached."""
     contexts: Contexts | None = None
     """z a tick, (T, Z), where it was wanted."""
+    sights: Sights | None = None
+    """What the eyes saw, where they were given pictures."""
 
 
 def play(policy: Policy, episode: Episode) -> Played:
@@ -69,6 +76,12 @@ def play(policy: Policy, episode: Episode) -> Played:
     if episode.imposed is not None:
         _impose(policy, episode)
     seen = tracking.begin()
+    eyes = None if episode.segmenter == TRUTH else Eyes(tracking.task, eyes_of(episode.segmenter))
+    if eyes is not None:
+        first = eyes.first_sight()
+        if first is None:
+            return Played(0.0, 0, success=False, sights=eyes.summary())
+        seen = first
     rewards: list[float] = []
     contexts: list[Contexts] = []
     while True:
@@ -81,8 +94,9 @@ def play(policy: Policy, episode: Episode) -> Played:
         rewards.append(tick.reward)
         if tick.end:
             kept = np.array(contexts) if contexts else None
-            return Played(math.fsum(rewards), len(rewards), tick.end == "completed", kept)
-        seen = tick.observation
+            sights = eyes.summary() if eyes else None
+            return Played(math.fsum(rewards), len(rewards), tick.end == "completed", kept, sights)
+        seen = eyes.look() if eyes else tick.observation
 
 
 def play_all(episodes: Sequence[Episode], workers: int = 1) -> Generator[tuple[int, Played], None, None]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import TYPE_CHECKING, Any
 
 from adatracker_deploy.evaluation.grid import CELLS, Cell
@@ -35,6 +36,7 @@ def grid_record(
         "episodes": grid.episodes,
         "seed": grid.seed,
         "steps": grid.steps,
+        "segmenter": grid.segmenter,
         "played": played,
         "complete": played == grid.episodes * len(CELLS) * len(grid.policies),
         "seconds": round(seconds, 1),
@@ -52,6 +54,7 @@ def _policy(score: PolicyScore) -> Record:
         "interval": _intervals(score.metrics),
         "std": {metric: mean_std(score.cell_means(metric))[1] for metric in METRICS},
         "cells": [_cell(cell) for cell in score.cells],
+        "sight": dataclasses.asdict(score.sights) if score.sights else None,
     }
 
 

@@ -7,12 +7,14 @@ is paired, episode by episode of equal seeds, then treated in the same way.
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import statistics
 from collections import defaultdict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
+from adatracker_deploy.evaluation.eyes import Sights
 from adatracker_deploy.evaluation.grid import CELLS, Cell
 from adatracker_deploy.scoring.stats.intervals import Estimate, mean_estimate, share_estimate
 
@@ -90,6 +92,16 @@ class PolicyScore:
             mean_estimate(self.cell_means("ar")),
             mean_estimate(self.cell_means("el")),
             Estimate(share, pooled.low, pooled.high),
+        )
+
+    @property
+    def sights(self) -> Sights | None:
+        """What the eyes saw, the mean of all episodes; None where the masks were the truth's."""
+        seen = [each.sights for cell in self.cells for each in cell.episodes.values() if each.sights]
+        if not seen:
+            return None
+        return Sights(
+            *(statistics.fmean(values) for values in zip(*map(dataclasses.astuple, seen), strict=True))
         )
 
     def cell_means(self, metric: str) -> list[float]:

@@ -13,12 +13,14 @@ from rich.text import Text
 from adatracker_deploy.evaluation.grid import CELLS, Cell
 from adatracker_deploy.evaluation.rows import Row, interval_text, rows_of, signed_text, triple_text
 from adatracker_deploy.learning.conditions import HEIGHTS_M, TARGET_SPEEDS_M_S
+from adatracker_deploy.perception.segmenters import TRUTH
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rich.console import RenderableType
 
+    from adatracker_deploy.evaluation.eyes import Sights
     from adatracker_deploy.evaluation.grid import Grid
     from adatracker_deploy.evaluation.scores import Difference, PolicyScore
 
@@ -30,16 +32,27 @@ def grid_table(
     played = sum(len(cell.episodes) for score in scores for cell in score.cells)
     asked = grid.episodes * len(CELLS) * len(grid.policies)
     part = "" if played == asked else f" ({played} of {asked} episodes)"
-    title = f"{grid.condition}, {grid.scene}: AR/EL/SR, {grid.episodes} x {grid.steps} steps a cell{part}"
+    eyes = "" if grid.segmenter == TRUTH else f", seen by {grid.segmenter}"
+    title = (
+        f"{grid.condition}, {grid.scene}{eyes}: AR/EL/SR, {grid.episodes} x {grid.steps} steps a cell{part}"
+    )
     parts: list[RenderableType] = [Text(title, style="italic")]
     for row in rows_of(grid, scores):
         parts += [_heading(row), _cells(row)]
+    parts += [_sights(score.name, sights) for score in scores if (sights := score.sights)]
     if differences:
         parts += [
             Text("paired differences on equal episodes; bold: zero is excluded"),
             _table_of(differences),
         ]
     return Group(*parts)
+
+
+def _sights(name: str, sights: Sights) -> Text:
+    return Text(
+        f"{name} saw the target in {sights.seen:.1%} of the pictures that show it, mask IoU "
+        f"{sights.mask_iou:.2f}, and somebody else in {sights.wrong:.2%} of all"
+    )
 
 
 def _heading(row: Row) -> Text:

@@ -1,0 +1,110 @@
+"""Episodes that are seen by a segmenter of pictures instead of by the truth.
+
+What the eyes see is judged by the truth of the same picture, pixel by pixel.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.sight import Verdict, judged
+from adatracker_deploy.perception.jpeg import developed
+from adatracker_deploy.perception.segmenters import OF_REHEARSALS, open_segmenter
+from adatracker_deploy.perception.target.choice import Choice
+from adatracker_deploy.sim.render import check_renderer
+from adatracker_deploy.sim.studio import Eye
+
+if TYPE_CHECKING:
+    from adatracker_deploy.core.messages import Observation
+    from adatracker_deploy.core.sight import Sight
+    from adatracker_deploy.perception.segmenter import Segmenter
+    from adatracker_deploy.sim.task import Task
+
+FIRST_SIGHT_S = 10.0
+"""How long a robot that stands still looks for the target before it gives up; a trial's, too."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sights:
+    """An episode's verdicts, as shares of its pictures."""
+
+    seen: float
+    """The target's, of the pictures that show it."""
+    wrong: float
+    """Somebody else's, of all pictures."""
+    mask_iou: float
+    """Mean, of the pictures in which the right person is seen."""
+
+
+def check_eyes(segmenter: str) -> None:
+    """Check, before anything is played, that pictures can be drawn and looked at.
+
+    Raises:
+        UsageError: what draws is not installed, or the segmenter is none of pictures.
+    """
+    if segmenter in OF_REHEARSALS:
+        raise UsageError(
+            f"segmenter {segmenter!r}: looks at no pictures; expected embedded, or a model's file"
+        )
+    check_renderer()
+    eyes_of(segmenter)
+
+
+@functools.cache
+def eyes_of(segmenter: str) -> Segmenter:
+    """Return a segmenter, opened once a process; the largest person is its target.
+
+    Raises:
+        UsageError: there is none of this name.
+    """
+    return open_segmenter(segmenter, "person", Choice())[0]
+
+
+class Eyes:
+    """Looks at a task's world from its body.
+
+    Args:
+        task: begun here.
+        segmenter: sees; reset here.
+    """
+
+    def __init__(self, task: Task, segmenter: Segmenter) -> None:
+        self._task, self._segmenter = task, segmenter
+        self._eye = Eye(task.world, task.settings.fov_rad, seed=0)
+        self._seq = 0
+        self._sights: list[Sight] = []
+        segmenter.reset()
+
+    def first_sight(self) -> Observation | None:
+        """Look until the target is seen, standing still; None if it is not."""
+        for _ in range(round(FIRST_SIGHT_S * self._task.settings.rate_hz)):
+            seen = self.look()
+            if seen.box is not None:
+                return seen
+        return None
+
+    def look(self) -> Observation:
+        """Return what the eyes see now."""
+        self._seq += 1
+        t_ns = round(self._seq * 1e9 / self._task.settings.rate_hz)
+        body = self._task.body
+        shot = self._eye.take(t_ns, self._seq, body.pose, body.camera_pose)
+        seen = self._segmenter(developed(shot))
+        self._sights.append(judged(seen.mask, shot.truth))
+        return seen
+
+    def summary(self) -> Sights:
+        """Return the verdicts so far."""
+        shown = [sight for sight in self._sights if sight.true_box is not None]
+        right = [sight.mask_iou for sight in shown if sight.verdict is Verdict.SEEN]
+        wrong = sum(sight.verdict is Verdict.SOMEBODY_ELSE for sight in self._sights)
+        return Sights(
+            seen=len(right) / max(1, len(shown)),
+            wrong=wrong / max(1, len(self._sights)),
+            mask_iou=float(np.mean(right)) if right else 0.0,
+        )
