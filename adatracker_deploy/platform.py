@@ -82,6 +82,7 @@ class Body(abc.ABC):
 
 
 _FASTEST_PERSON_M_S = 5.0
+_MOST_OTHERS = 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,12 +93,27 @@ class Scenario:
     target_speed_m_s: float = 1.0
     seed: int = 0
     """Seeds the world and everything random in the simulated robot."""
+    others: int = 0
+    """People who walk about besides the target, 0 to 20."""
+    person: str = ""
+    """The target's glTF file; empty for one of those that ship."""
+    width_px: int = 640
+    """Of its pictures, 64 to 1920; they are 4 to 3."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.target_speed_m_s <= _FASTEST_PERSON_M_S:  # false for NaN too
             raise UsageError(
                 f"target speed {self.target_speed_m_s:g} m/s: expected 0 to {_FASTEST_PERSON_M_S:g}"
             )
+        if not 0 <= self.others <= _MOST_OTHERS:
+            raise UsageError(f"{self.others} other people: expected 0 to {_MOST_OTHERS}")
+        if not 64 <= self.width_px <= 1920:
+            raise UsageError(f"pictures of {self.width_px} px: expected 64 to 1920")
+
+    @property
+    def picture_size(self) -> tuple[int, int]:
+        """Return the pictures' width and height, px."""
+        return self.width_px, self.width_px * 3 // 4
 
 
 class Sitl(abc.ABC):

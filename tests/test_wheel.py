@@ -48,6 +48,8 @@ def test_the_wheel_rehearses(command, tmp_path):
             "--platform",
             "drone",
             "--sitl",
+            "--segmenter",
+            "truth",
             "--profile",
             str(profile),
             "--steps",

@@ -9,7 +9,6 @@ from adatracker_deploy.core.camera import ROBOT, scene_of, without_password
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.perception.live import NO_STAMPS, LiveCamera
 from adatracker_deploy.perception.sources import open_source
-from adatracker_deploy.perception.world_camera import WorldCamera
 
 if TYPE_CHECKING:
     import contextlib
@@ -20,9 +19,7 @@ if TYPE_CHECKING:
     from adatracker_deploy.core.camera import Camera
     from adatracker_deploy.core.clock import Clock
     from adatracker_deploy.core.geometry import Pose
-
-IMAGE_SIZE = (160, 160)
-"""Image size of the virtual camera, px: the size of the masks that policies are given."""
+    from adatracker_deploy.perception.world_camera import WorldCamera
 
 
 def open_camera(  # noqa: PLR0917 -- each is another's, and all are needed
@@ -50,7 +47,7 @@ def open_camera(  # noqa: PLR0917 -- each is another's, and all are needed
         PlatformError: the camera gives no frames.
     """
     if scene_of(uri) is not None:
-        return _virtual_camera(plan, profile, pose)
+        return _virtual_camera(plan, profile, pose, clock, stack)
     profile = replace(profile, camera=replace(profile.camera, uri=uri))
     camera = plan.platform.camera(profile, clock) if uri.startswith(ROBOT) else open_source(uri, clock)
     tell(f"opening the camera {without_password(uri)}")
@@ -77,9 +74,16 @@ def virtual_person(plan: TrialPlan) -> str:
     )
 
 
-def _virtual_camera(plan: TrialPlan, profile: Profile, pose: Callable[[], Pose | None]) -> WorldCamera:
-    from adatracker_deploy.sim import World  # needs the sitl extra
+def _virtual_camera(
+    plan: TrialPlan,
+    profile: Profile,
+    pose: Callable[[], Pose | None],
+    clock: Clock,
+    stack: contextlib.ExitStack,
+) -> WorldCamera:
+    from adatracker_deploy.perception.world_camera import WorldCamera  # needs the sitl extra
 
-    scenario = plan.scenario
-    world = World(scenario.scene, seed=scenario.seed, target_speed_m_s=scenario.target_speed_m_s)
-    return WorldCamera(world, profile.sitl.camera, pose, IMAGE_SIZE)
+    camera = WorldCamera(plan.scenario, profile.sitl.camera, pose, clock, profile.camera.rate_hz)
+    stack.callback(camera.close)
+    camera.open()
+    return camera

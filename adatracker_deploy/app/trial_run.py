@@ -236,9 +236,10 @@ class _Trial:
         self.progress.phase("engaging")
         self._in_phase("engaging")
         self.engagement.begin()
-        rate_hz = profile.camera.rate_hz if self.drawn else LOOK_HZ * self.clock.speed
         plan.segmenter.reset()
-        perception = self.stack.enter_context(Perception(camera, plan.segmenter, self.clock, rate_hz))
+        perception = self.stack.enter_context(
+            Perception(camera, plan.segmenter, self.clock, LOOK_HZ * self.clock.speed)
+        )
         self.progress.phase(f"looking for the person, for {FIRST_SIGHT_TIMEOUT_S:g} s at most")
         self._in_phase("looking")
         self._await_first_sight(perception)

@@ -26,10 +26,13 @@ if TYPE_CHECKING:
     from adatracker_deploy.config.profile import Profile
     from adatracker_deploy.faults.schedule import ScheduledFault
     from adatracker_deploy.perception.segmenter import Segmenter
-    from adatracker_deploy.platform import Platform, Sitl
+    from adatracker_deploy.platform import Platform, Scenario, Sitl
     from adatracker_deploy.runtime.operator_stop import StopRequest
     from adatracker_deploy.runtime.running import Announcement
     from adatracker_deploy.runtime.scheduling import Scheduling
+
+_UNWATCHED_PX = 320
+"""Width of a rehearsal's pictures that no eyes look at: they are for the log alone."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -69,7 +72,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="stop when this file descriptor can be read or is closed: for buttons and other hooks",
     )
-    how.add_argument("--speed", type=real(1, 20), help="times real time, 1 to 20; only with --sitl")
+    how.add_argument(
+        "--speed",
+        type=real(1, 20),
+        help="times real time, 1 to 20; only with --sitl; above 2 eyes fall behind: add --segmenter truth",
+    )
     how.add_argument(
         "--realtime",
         action="store_true",
@@ -96,9 +103,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     view.add_argument(
         "--target-speed", type=real(0, 5), default=1.0, metavar="M_S", help="of the person (default: 1.0)"
     )
+    view.add_argument(
+        "--others", type=whole(0, 20), default=0, metavar="N", help="people in it besides the target"
+    )
+    view.add_argument(
+        "--person",
+        type=Path,
+        metavar="GLB",
+        help="of the virtual world: who is followed, a walking glTF figure",
+    )
     add_segmenter_options(
         view,
-        default="embedded; in a virtual world truth, or noisy: the truth with the embedded one's mistakes",
+        default="embedded; a virtual world has truth, too, and noisy: truth with the embedded one's mistakes",
     )
     out = parser.add_argument_group("what it leaves")
     out.add_argument("--log-dir", type=Path, default=Path("trials"), help="default: %(default)s")
@@ -253,6 +269,7 @@ def _extras(args: argparse.Namespace, names: list[str]) -> list[str]:
 def _plan(args: argparse.Namespace, name: str) -> TrialPlan:
     from adatracker_deploy.app.trial_run import TrialPlan
     from adatracker_deploy.core.camera import WORLD, scene_of
+    from adatracker_deploy.perception.segmenters import OF_REHEARSALS
     from adatracker_deploy.perception.sources import check_uri
     from adatracker_deploy.platform import Scenario
     from adatracker_deploy.policy.catalogue import load_policy
@@ -275,13 +292,21 @@ def _plan(args: argparse.Namespace, name: str) -> TrialPlan:
     if args.scene and args.camera and scene is not None:
         raise UsageError(f"--scene NAME is short for --camera {WORLD}NAME: give one of them")
     virtual = args.sitl or scene is not None
-    if args.scene and not virtual:
-        raise UsageError(f"--scene needs a virtual world: add --sitl, or --camera {WORLD}{args.scene}")
+    for option in ("scene", "others", "person"):
+        if getattr(args, option) and not virtual:
+            raise UsageError(
+                f"--{option} needs a virtual world: add --sitl, or --camera {WORLD}{args.scene or 'SCENE'}"
+            )
     scenario = Scenario(
-        scene=args.scene or scene or Scenario().scene, target_speed_m_s=args.target_speed, seed=args.seed
+        scene=args.scene or scene or Scenario().scene,
+        target_speed_m_s=args.target_speed,
+        seed=args.seed,
+        others=args.others,
+        person="" if args.person is None else str(args.person.resolve()),
+        width_px=_UNWATCHED_PX if args.segmenter in OF_REHEARSALS else Scenario().width_px,
     )
     if virtual:
-        _check_world(scenario.scene)
+        _check_world(scenario)
     place_for_logs(args.log_dir)
     scheduling = _scheduling(args)
     segmenter, segmenter_name = _segmenter(args, profile, uri, virtual=virtual)
@@ -342,19 +367,13 @@ def _segmenter(
     args: argparse.Namespace, profile: Profile, uri: str, *, virtual: bool
 ) -> tuple[Segmenter, str]:
     from adatracker_deploy.core.camera import ON_A_WIRE
-    from adatracker_deploy.perception.segmenters import EMBEDDED, OF_REHEARSALS, TRUTH, open_segmenter
+    from adatracker_deploy.perception.segmenters import EMBEDDED, OF_REHEARSALS, open_segmenter
     from adatracker_deploy.perception.target.choice import Choice
 
-    name = args.segmenter or (TRUTH if virtual else EMBEDDED)
+    name = args.segmenter or EMBEDDED
     # A simulated robot that was started by hand sends the truth as well: the first frame will tell.
     if name in OF_REHEARSALS and not virtual and not uri.startswith(ON_A_WIRE):
         raise UsageError(f"--segmenter {name} needs a virtual world: add --sitl, or --camera world://SCENE")
-    if name == EMBEDDED and virtual:
-        raise UsageError(
-            "--segmenter embedded hardly recognises people of the virtual world, who are made of capsules: "
-            "rehearse with --segmenter noisy, which makes its mistakes, and try it on real footage with "
-            "--dry-run --camera FILE"
-        )
     return open_segmenter(
         name,
         args.prompt,
@@ -364,11 +383,16 @@ def _segmenter(
     )
 
 
-def _check_world(scene: str) -> None:
+def _check_world(scenario: Scenario) -> None:
     try:
         from adatracker_deploy.sim import check_scene
     except ImportError as error:
         raise UsageError(
             f"a virtual world needs {error.name}: pip install 'adatracker-deploy[sitl]'"
         ) from error
-    check_scene(scene)
+    from adatracker_deploy.sim.render import check_person, check_renderer
+
+    check_scene(scenario.scene)
+    check_renderer()
+    if scenario.person:
+        check_person(Path(scenario.person))

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import struct
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from adatracker_deploy.core.camera import check_size
+from adatracker_deploy.core.messages import Frame
+
+if TYPE_CHECKING:
+    from adatracker_deploy.core.messages import Shot
 
 _START, _END = b"\xff\xd8", b"\xff\xd9"
 _START_OF_SCAN = 0xDA
@@ -38,6 +43,11 @@ def jpeg_size(data: bytes) -> tuple[int, int]:
             at += 2 + length
     except struct.error as error:
         raise ValueError("not a JPEG: it ends in its header") from error
+
+
+def developed(shot: Shot) -> Frame:
+    """Return a simulated camera's picture, decoded."""
+    return Frame(decode_jpeg(shot.jpeg), shot.t_ns, shot.seq, shot.truth, shot.jpeg)
 
 
 def decode_jpeg(data: bytes) -> NDArray[np.uint8]:

@@ -22,6 +22,7 @@ from urllib.parse import urlsplit
 import cv2
 
 from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.messages import Shot
 from adatracker_deploy.perception.truth_wire import encode_truth
 
 if TYPE_CHECKING:
@@ -72,7 +73,7 @@ class MjpegServer:
         """The stream's address."""
         return f"http://127.0.0.1:{self.port}{STREAM_PATH}"
 
-    def publish(self, frame: Frame) -> None:
+    def publish(self, frame: Frame | Shot) -> None:
         """Publish a frame; cheap, because it is encoded only in the clients' threads."""
         self._newest.put(frame)
 
@@ -96,7 +97,7 @@ class MjpegServer:
 class _Shot:
     """A published frame and, once requested, its encoded part of the stream."""
 
-    def __init__(self, frame: Frame) -> None:
+    def __init__(self, frame: Frame | Shot) -> None:
         self._frame = frame
         self._encoding = threading.Lock()
         self._part: bytes | None = None
@@ -109,20 +110,24 @@ class _Shot:
             return self._part
 
 
-def _encode(frame: Frame) -> bytes:
-    """Return a frame as a part of the stream."""
+def _jpeg(frame: Frame) -> bytes:
     bgr = cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2BGR)
-    _, jpeg = cv2.imencode(".jpg", bgr, (cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY))
+    return bytes(cv2.imencode(".jpg", bgr, (cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY))[1])
+
+
+def _encode(frame: Frame | Shot) -> bytes:
+    """Return a frame as a part of the stream."""
+    jpeg = frame.jpeg if isinstance(frame, Shot) else _jpeg(frame)
     headers = {
         "Content-Type": "image/jpeg",
-        "Content-Length": jpeg.size,
+        "Content-Length": len(jpeg),
         "X-Timestamp": f"{frame.t_ns / 1e9:.6f}",
         "X-Sequence": frame.seq,
     }
     if frame.truth is not None:
         headers["X-Truth"] = base64.b64encode(encode_truth(frame.truth)).decode()
     lines = (f"--{_BOUNDARY}", *(f"{name}: {value}" for name, value in headers.items()), "", "")
-    return b"".join(("\r\n".join(lines).encode(), jpeg.tobytes(), b"\r\n"))
+    return b"".join(("\r\n".join(lines).encode(), jpeg, b"\r\n"))
 
 
 class _Newest:
@@ -133,7 +138,7 @@ class _Newest:
         self._shot: _Shot | None = None
         self._ended = False
 
-    def put(self, frame: Frame) -> None:
+    def put(self, frame: Frame | Shot) -> None:
         with self._changed:
             self._shot = _Shot(frame)
             self._changed.notify_all()

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from adatracker_deploy.core.errors import PlatformError
-from adatracker_deploy.core.messages import Box, MaskClass, Observation
+from adatracker_deploy.core.messages import Box, MaskClass, Observation, at_size
+from adatracker_deploy.perception.drawing import mask_shape
 
 if TYPE_CHECKING:
     from adatracker_deploy.core.messages import Frame
@@ -31,7 +32,7 @@ class Segmenter(Protocol):
 
 
 class TruthSegmenter:
-    """Returns a simulated camera's own class mask."""
+    """Returns a simulated camera's own class mask, no larger than any segmenter's."""
 
     needs_truth = True
 
@@ -46,8 +47,10 @@ class TruthSegmenter:
         """
         if frame.truth is None:
             raise PlatformError("this frame carries no truth: it does not come from a simulated camera")
+        shape = frame.truth.mask.shape
+        mask = at_size(frame.truth.mask, *map(min, shape, mask_shape(*shape)))
         box = Box.of_mask(frame.truth.mask)
-        return Observation(frame.truth.mask, box, 1.0 if box else 0.0, frame.t_ns, frame.seq)
+        return Observation(mask, box, 1.0 if box else 0.0, frame.t_ns, frame.seq)
 
 
 def check_observation(observation: Observation, frame: Frame) -> None:

@@ -84,14 +84,15 @@ def _of_pictures(
 ) -> tuple[Segmenter, str]:
     from adatracker_deploy.perception.models.catalogue import open_model
     from adatracker_deploy.perception.models.grounding_dino import GroundingDino
-    from adatracker_deploy.perception.models.nanodet import NanoDet
+    from adatracker_deploy.perception.models.nanodet import SCORE, NanoDet
     from adatracker_deploy.perception.models.sam2 import Sam2Propagator
     from adatracker_deploy.perception.models.selfie import SelfieMasks
+    from adatracker_deploy.perception.target.first_sight import LEAST_SCORE
     from adatracker_deploy.perception.weights import shipped
 
     where = providers or ("cpu",)
     detector = (
-        NanoDet(shipped("nanodet_g_int8.onnx"), words, providers=where)
+        NanoDet(shipped("nanodet_g_int8.onnx"), words, score=LEAST_SCORE, providers=where)
         if name == EMBEDDED
         else open_model(Path(name), words, providers)
     )
@@ -111,6 +112,7 @@ def _of_pictures(
         heads,
         choice,
         follower,
+        least_score=SCORE if name == EMBEDDED else 0.0,
         key_frames=follower is not None and isinstance(detector, GroundingDino),
     )
     return segmenter, "; ".join(str(network) for part in parts for network in part.networks)

@@ -27,6 +27,7 @@ class _Header:
     distance_m: float
     bearing_rad: float
     collided: bool
+    in_view: bool
 
 
 def encode_truth(truth: Truth) -> bytes:

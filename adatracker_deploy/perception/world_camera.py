@@ -1,4 +1,4 @@
-"""A virtual camera: renders a world from the robot's reported pose.
+"""A virtual camera: draws a world from the robot's reported pose.
 
 The robot may be simulated or real: a real drone in an empty field, or any other autopilot or simulator with
 the same protocol, can follow a virtual person this way.
@@ -7,100 +7,91 @@ the same protocol, can follow a virtual person this way.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+import threading
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.core.geometry import Pose
-from adatracker_deploy.sim.rehearsal import take_frame
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.perception.jpeg import developed
+from adatracker_deploy.sim.filming import DrawingProcess, film
+from adatracker_deploy.sim.studio import View
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from adatracker_deploy.core.messages import Frame
-    from adatracker_deploy.platform import CameraMount
-    from adatracker_deploy.sim import World
-
-
-@dataclass(frozen=True, slots=True)
-class Anchor:
-    """Where the robot's own fixed frame lies in the world: turned by `yaw`, then moved."""
-
-    x: float
-    y: float
-    z: float
-    """Height of the ground at the robot's start, the zero of its own heights."""
-    yaw: float
-
-    @classmethod
-    def between(cls, robot: Pose, world: Pose) -> Anchor:
-        """Return the anchor that takes `robot`, in its own frame, to above `world`, a place on the ground."""
-        yaw = world.yaw - robot.yaw
-        x = world.x - math.cos(yaw) * robot.x + math.sin(yaw) * robot.y
-        y = world.y - math.sin(yaw) * robot.x - math.cos(yaw) * robot.y
-        return cls(x, y, world.z, yaw)
-
-    def to_world(self, pose: Pose) -> Pose:
-        """Return a pose of the robot's frame in the world."""
-        c, s = math.cos(self.yaw), math.sin(self.yaw)
-        return Pose(
-            self.x + c * pose.x - s * pose.y,
-            self.y + s * pose.x + c * pose.y,
-            self.z + pose.z,
-            pose.roll,
-            pose.pitch,
-            pose.yaw + self.yaw,
-        )
+    from adatracker_deploy.core.clock import Clock
+    from adatracker_deploy.core.geometry import Pose
+    from adatracker_deploy.core.messages import Frame, Shot
+    from adatracker_deploy.platform import CameraMount, Scenario
 
 
 class WorldCamera:
-    """Renders `world` whenever it is read.
+    """Has pictures of a world drawn, at a steady rate, by a process of their own.
 
-    The first frame anchors the robot at the world's start, which faces the target; the people stand still
-    until `go`.
+    It begins with the first `read` for which the robot has reported a pose, and lays the robot at the world's
+    start then, facing the target; the people stand still until `go`.
 
     Args:
-        world: the world; stepped here and nowhere else.
+        scenario: which world.
         mount: where the camera sits on the body.
-        pose: returns the robot's newest reported pose, or None.
-        size: image width and height, px.
+        pose: returns the robot's newest reported pose, or None; from another thread.
+        clock: the run's.
+        rate_hz: pictures a second of the run's.
+        size: their width and height, px.
     """
 
     def __init__(
-        self, world: World, mount: CameraMount, pose: Callable[[], Pose | None], size: tuple[int, int]
+        self,
+        scenario: Scenario,
+        mount: CameraMount,
+        pose: Callable[[], Pose | None],
+        clock: Clock,
+        rate_hz: float,
     ) -> None:
-        self._world = world
-        self._mount = mount
-        self._pose = pose
-        self._size = size
-        self._anchor: Anchor | None = None
-        self._going = False
-        self._last_ns: int | None = None
-        self._seq = 0
+        self._scenario, self._mount = scenario, mount
+        self._pose, self._clock, self._rate_hz = pose, clock, rate_hz
+        self._watched = self._going = False
+        self._newest: Frame | None = None
+        self._error: PlatformError | None = None
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="world camera", daemon=True)
 
     def open(self) -> None:
-        """Do nothing: there is no device, and no pose yet."""
+        """Start what draws, which takes a while."""
+        self._thread.start()
 
     def close(self) -> None:
-        """Do nothing."""
+        """End drawing; may be called twice, and before `open`."""
+        self._ended.set()
+        if self._thread.is_alive():
+            self._thread.join()
 
     def go(self) -> None:
-        """Let the people walk from the next frame on."""
+        """Let the people walk from the next picture on."""
         self._going = True
 
-    def read(self, now_ns: int) -> Frame | None:
-        """Move the world to `now_ns` and render it; None while the robot has reported no pose."""
-        reported = self._pose()
-        if reported is None:
-            return None
-        if self._anchor is None:
-            self._anchor = Anchor.between(reported, self._world.start)
-        robot = self._anchor.to_world(reported)
-        if self._going:
-            last_ns = self._last_ns if self._last_ns is not None else now_ns
-            self._world.step((now_ns - last_ns) / 1e9, robot)
-            self._last_ns = now_ns
-        self._seq += 1
-        fov_rad = math.radians(self._mount.fov_deg)
-        return take_frame(
-            self._world, robot, self._mount.pose(robot), fov_rad, self._size, t_ns=now_ns, seq=self._seq
-        )
+    def read(self, now_ns: int) -> Frame | None:  # noqa: ARG002 -- a camera's
+        """Return the newest picture; None while there is none.
+
+        Raises:
+            PlatformError: there will be no more.
+        """
+        self._watched = True
+        if self._error is not None:
+            raise self._error
+        return self._newest
+
+    def _run(self) -> None:
+        try:
+            fov_rad = math.radians(self._mount.fov_deg)
+            drawing = DrawingProcess(self._scenario, fov_rad, own_frame=True)
+            film(drawing, self._view, self._clock, self._rate_hz, self._keep, ended=self._ended)
+        except Exception as error:  # raised by the next read
+            reason = str(error) or type(error).__name__
+            self._error = PlatformError(f"the virtual world cannot be drawn: {reason}")
+
+    def _view(self, now_ns: int) -> View | None:
+        robot = self._pose() if self._watched else None
+        return None if robot is None else View(now_ns, robot, self._mount.pose(robot), self._going)
+
+    def _keep(self, shot: Shot) -> None:
+        self._newest = developed(shot)

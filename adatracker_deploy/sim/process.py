@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import PlatformError, UsageError
+from adatracker_deploy.platform import Scenario
 from adatracker_deploy.sim.ground_truth import GroundTruthRecorder
 
 if TYPE_CHECKING:
@@ -105,6 +106,43 @@ class SimulatorProcess:
             process.kill()
             process.wait()
         process.stdout.close()
+
+
+def scenario_arguments(scenario: Scenario) -> list[str]:
+    """Return the arguments by which a simulator with a camera is told which world it stands in."""
+    return [
+        *("--scene", scenario.scene, "--seed", str(scenario.seed)),
+        *("--target-speed", repr(scenario.target_speed_m_s), "--others", str(scenario.others)),
+        *("--person", scenario.person, "--width", str(scenario.width_px)),
+    ]
+
+
+def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add ``--scene``, ``--target-speed`` and ``--others``, of a simulator with a camera."""
+    default = Scenario()
+    parser.add_argument("--scene", default=default.scene, help="the world it stands in")
+    parser.add_argument(
+        "--target-speed", type=float, default=default.target_speed_m_s, help="of the people in it, m/s"
+    )
+    parser.add_argument("--others", type=int, default=default.others, help="people besides the target")
+    parser.add_argument("--person", default=default.person, help="the target's .glb")
+    parser.add_argument("--width", type=int, default=default.width_px, help="of its pictures, px")
+
+
+def given_scenario(args: argparse.Namespace) -> Scenario:
+    """Return the world that a simulator was told to stand in.
+
+    Raises:
+        UsageError: there is no such world.
+    """
+    return Scenario(
+        scene=args.scene,
+        target_speed_m_s=args.target_speed,
+        seed=args.seed,
+        others=args.others,
+        person=args.person,
+        width_px=args.width,
+    )
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -170,6 +170,7 @@ def started(folder, *common: str):
 
 @pytest.fixture
 def fly(tmp_path, profile):
-    """Start the drone's rehearsal."""
-    with started(tmp_path, "--platform", "drone", "--sitl", "--profile", str(profile)) as start:
+    """Start the drone's rehearsal, which sees with the truth unless it is told otherwise."""
+    common = "--platform", "drone", "--sitl", "--profile", str(profile), "--segmenter", "truth"
+    with started(tmp_path, *common) as start:
         yield start

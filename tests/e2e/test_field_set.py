@@ -16,7 +16,7 @@ from .conftest import COMMAND
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(150)]
 
-SET = ("--platform", "wheeled", "--sitl", "--trials", "2", "--steps", "30", "--ask")
+SET = ("--platform", "wheeled", "--sitl", "--segmenter", "truth", "--trials", "2", "--steps", "30", "--ask")
 ANSWERS = {
     b"how did it end?": b"w\n",
     b"since which second": b"1\n",

@@ -18,7 +18,11 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(240)]
 @pytest.mark.parametrize("platform", ["wheeled", "quadruped"])
 def test_a_ground_robot_follows_to_the_horizon(tmp_path, measured, platform):
     run = Flight(
-        [*COMMAND, "--platform", platform, "--sitl", "--seed", "1", "--steps", "200", "--json"], tmp_path
+        [
+            *(*COMMAND, "--platform", platform, "--sitl", "--segmenter", "truth"),
+            *("--seed", "1", "--steps", "200", "--json"),
+        ],
+        tmp_path,
     )
     status, summary, err = run.end(timeout_s=120)
     assert status == 0, err
@@ -35,7 +39,7 @@ def test_what_the_kernel_gave_to_loop_and_link_is_told_and_logged_and_so_are_the
     run = Flight(
         [
             *(*COMMAND, "--platform", "wheeled", "--sitl", "--policy", "pid", "--json"),
-            *("--steps", "20", "--cpu", str(core)),
+            *("--steps", "20", "--cpu", str(core), "--segmenter", "truth"),
         ],
         tmp_path,
     )
@@ -74,7 +78,7 @@ def test_all_three_robots_print_the_papers_table(tmp_path):
     run = Flight(
         [
             *(*COMMAND, "--platform", "wheeled,quadruped,drone", "--sitl", "--json"),
-            *("--trials", "2", "--steps", "60", "--speed", "2"),
+            *("--trials", "2", "--steps", "60", "--speed", "2", "--segmenter", "truth"),
         ],
         tmp_path,
     )

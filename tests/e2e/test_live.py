@@ -15,6 +15,7 @@ from .conftest import started
 
 pytest.importorskip("websockets", reason="needs the extra 'live'")
 
+from adatracker_deploy.perception.drawing import MASK_SIZE
 from adatracker_deploy.trial.reader import read_trial
 from tests.trial.viewer import Viewer
 
@@ -33,6 +34,8 @@ def watched(tmp_path):
         "--platform",
         "wheeled",
         "--sitl",
+        "--segmenter",
+        "truth",
         "--policy",
         "pid",
         "--steps",
@@ -82,7 +85,7 @@ def test_a_viewer_sees_pictures_and_steps_at_the_loops_rate(watched, tmp_path, m
         picture = cv2.imdecode(np.frombuffer(each.says.data, np.uint8), cv2.IMREAD_COLOR)
         assert picture.std() > 5  # it shows something
     mask = cv2.imdecode(np.frombuffer(masks[-1].says.data, np.uint8), cv2.IMREAD_COLOR)
-    assert mask.shape == picture.shape
+    assert mask.shape == (MASK_SIZE * 3 // 4, MASK_SIZE, 3)
     assert len(by_topic["/box"][-1].says.points) == 1
     assert len(steps[-1]["action"]) == 2
     assert steps[-2]["sent"]["vx"] != 0  # of the last the link had not said yet what it did

@@ -23,7 +23,10 @@ from .conftest import COMMAND, gone
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(120)]
 
-TRIAL = ("--platform", "wheeled", "--sitl", "--profile", "patient.yaml", "--steps", "100000")
+TRIAL = (
+    *("--platform", "wheeled", "--sitl", "--segmenter", "truth"),
+    *("--profile", "patient.yaml", "--steps", "100000"),
+)
 FOLLOWING = "following for"
 
 

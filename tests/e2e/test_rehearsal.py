@@ -22,7 +22,8 @@ def test_a_drone_follows_to_the_horizon_and_lands(fly, station, tmp_path, measur
     assert "airborne" in err
     (folder,) = (tmp_path / "trials").iterdir()
     assert json.loads((folder / "summary.json").read_text())["mr"] == summary["mr"]
-    measured(f"drone x{speed}: MR {summary['mr']:.3f}, AR {summary['ar']:.0f}, {summary['rate_hz']:.2f} Hz")
+    mr, ar, rate_hz = summary["mr"], summary["ar"], summary["rate_hz"]
+    measured(f"drone x{speed}: MR {mr:.3f}, AR {ar:.0f}, {rate_hz:.2f} Hz")
 
 
 def test_several_trials_print_the_papers_row(fly):

@@ -8,7 +8,6 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
-import cv2
 import zenoh
 
 from adatracker_deploy.config.schema import Range
@@ -19,7 +18,7 @@ from adatracker_deploy.core.messages import ZERO
 from adatracker_deploy.perception.compressed_image import CompressedImage
 from adatracker_deploy.runtime.pacer import Pacer
 from adatracker_deploy.sim.process import FaultCommands
-from adatracker_deploy.sim.rehearsal import Rehearsal, film
+from adatracker_deploy.sim.rehearsal import Rehearsal
 from adatracker_quadruped.protocol.connection import Connection
 from adatracker_quadruped.protocol.keys import Keys
 from adatracker_quadruped.protocol.messages import encode_compressed_image
@@ -33,7 +32,7 @@ from adatracker_quadruped.sim.settings import SitlSettings
 
 if TYPE_CHECKING:
     from adatracker_deploy.core.clock import Clock
-    from adatracker_deploy.core.messages import Frame
+    from adatracker_deploy.core.messages import Shot
     from adatracker_deploy.platform import Scenario
 
 LOOK_HZ = 100.0
@@ -44,7 +43,6 @@ DEAF_S = 0.2
 """After a gap in which commands may have piled up, machine time for which all of them are dropped."""
 LINGER_S = 5.0
 """Machine time that the robot has to stand after its parent process has ended."""
-JPEG_QUALITY = 90
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,7 +92,7 @@ class Simulator:
     def serve(self, lifeline_ended: threading.Event) -> None:
         """Run until the parent process has ended and the robot stands, or `LINGER_S` after that end."""
         filming_ended = threading.Event()
-        filming = film(self._rehearsal, self._clock, self._camera_hz, self._publish, filming_ended)
+        filming = self._rehearsal.film(self._clock, self._camera_hz, self._publish, filming_ended)
         try:
             self._walk(lifeline_ended)
         finally:
@@ -164,16 +162,15 @@ class Simulator:
         """Return its active faults, however they were requested."""
         return frozenset({self._fault, *(ORDERED[name] for name in self._orders.faults & ORDERED.keys())})
 
-    def _publish(self, frame: Frame) -> None:
+    def _publish(self, shot: Shot) -> None:
         """Publish an image after its ground truth; called from the camera's thread."""
         faults = self._faults
-        if Fault.SILENT in faults or CAMERA_GONE.name in self._orders.faults or frame.truth is None:
+        if Fault.SILENT in faults or CAMERA_GONE.name in self._orders.faults:
             return
         if Fault.FROZEN_CAMERA not in faults or self._said is None:
             stamp_ns = time.time_ns()
-            _, jpeg = cv2.imencode(".jpg", frame.rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-            image = CompressedImage(stamp_ns, "jpeg", memoryview(jpeg.tobytes()))
-            truth = encode_stamped_truth(stamp_ns, frame.truth)
+            image = CompressedImage(stamp_ns, "jpeg", memoryview(shot.jpeg))
+            truth = encode_stamped_truth(stamp_ns, shot.truth)
             self._said = (encode_compressed_image(image), truth, stamp_ns)
         payload, truth, stamp_ns = self._said
         with self._using:

@@ -24,15 +24,18 @@ from typing import TYPE_CHECKING
 from adatracker_deploy.config.schema import parse
 from adatracker_deploy.core.camera import ROBOT
 from adatracker_deploy.core.errors import PlatformError, UsageError
-from adatracker_deploy.platform import Scenario, Sitl
+from adatracker_deploy.platform import Sitl
 from adatracker_deploy.registry import load_platform, load_profile
 from adatracker_deploy.sim.process import (
     FaultCommands,
     SimulatorProcess,
     add_arguments,
+    add_scenario_arguments,
     announce_ready,
+    given_scenario,
     parent_watchdog,
     refuse,
+    scenario_arguments,
     simulator_clock,
 )
 from adatracker_quadruped.protocol.camera_topic import with_camera
@@ -41,6 +44,7 @@ from adatracker_quadruped.protocol.rehearsal_keys import ON_DEMAND
 if TYPE_CHECKING:
     from adatracker_deploy.config.profile import Profile
     from adatracker_deploy.core.clock import Clock
+    from adatracker_deploy.platform import Scenario
     from adatracker_quadruped.sim.simulator import Robot, Simulator
 
 _ANYWHERE = "tcp/127.0.0.1:0"
@@ -84,19 +88,7 @@ class QuadrupedSitl(Sitl):
         }
         ready = self._process.start(
             clock,
-            [
-                *(
-                    "--listen",
-                    _ANYWHERE,
-                    "--robot",
-                    json.dumps(robot),
-                    "--scene",
-                    scenario.scene,
-                    "--seed",
-                    str(scenario.seed),
-                ),
-                *("--target-speed", repr(scenario.target_speed_m_s)),
-            ],
+            ["--listen", _ANYWHERE, "--robot", json.dumps(robot), *scenario_arguments(scenario)],
         )
         return dataclasses.replace(
             profile, connection=dataclasses.replace(connection, endpoint=ready["endpoint"])
@@ -152,7 +144,7 @@ def _power_on(robot: Robot, args: argparse.Namespace, orders: FaultCommands) -> 
     """Return the robot and where it listens; for port 0 that is whichever it can bind itself, and so owns."""
     from adatracker_quadruped.sim.simulator import Simulator
 
-    scenario = Scenario(scene=args.scene, target_speed_m_s=args.target_speed, seed=args.seed)
+    scenario = given_scenario(args)
     endpoints = [args.listen]
     if args.listen == _ANYWHERE:
         endpoints = [f"tcp/127.0.0.1:{port}" for port in random.SystemRandom().sample(_PORTS, _TRIES)]
@@ -186,9 +178,8 @@ def _arguments() -> argparse.ArgumentParser:
     parser.add_argument(
         "--listen", type=_loopback, default="tcp/127.0.0.1:7447", help="port 0 is any free one"
     )
-    parser.add_argument("--scene", default="simple_room", help="the world it stands in")
-    parser.add_argument("--target-speed", type=float, default=1.0, help="of the person in it, m/s")
     parser.add_argument("--robot", default="", help="instead of a profile: a simulator.Robot as JSON")
+    add_scenario_arguments(parser)
     add_arguments(parser)
     return parser
 

@@ -11,7 +11,7 @@ from adatracker_deploy.perception.mjpeg_server import MjpegServer
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from adatracker_deploy.core.messages import Frame
+    from adatracker_deploy.core.messages import Shot
 
 
 class FailingCamera:
@@ -29,15 +29,15 @@ class FailingCamera:
         self._go = go
         self._changing = threading.Lock()
         self._frozen = False
-        self._last: Frame | None = None
+        self._last: Shot | None = None
         self._server: MjpegServer | None = None
         self._open(port)
 
-    def publish(self, frame: Frame) -> None:
-        """Show a frame from now on; a frozen camera shows its last one again, with its number and truth."""
+    def publish(self, shot: Shot) -> None:
+        """Show a picture from now on; a frozen camera shows its last one again, with its number and truth."""
         with self._changing:
             if not self._frozen or self._last is None:
-                self._last = frame
+                self._last = shot
             if self._server is not None:
                 self._server.publish(self._last)
 

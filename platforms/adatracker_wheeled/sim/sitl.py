@@ -23,15 +23,18 @@ from typing import TYPE_CHECKING
 from adatracker_deploy.config.schema import parse
 from adatracker_deploy.core.errors import PlatformError, UsageError
 from adatracker_deploy.core.faults import LINK_DROP
-from adatracker_deploy.platform import Scenario, Sitl
+from adatracker_deploy.platform import Sitl
 from adatracker_deploy.registry import load_platform, load_profile
 from adatracker_deploy.sim.process import (
     FaultCommands,
     SimulatorProcess,
     add_arguments,
+    add_scenario_arguments,
     announce_ready,
+    given_scenario,
     parent_watchdog,
     refuse,
+    scenario_arguments,
     simulator_clock,
 )
 from adatracker_wheeled.protocol.connection import Connection
@@ -43,6 +46,7 @@ if TYPE_CHECKING:
 
     from adatracker_deploy.config.profile import Profile
     from adatracker_deploy.core.clock import Clock
+    from adatracker_deploy.platform import Scenario
     from adatracker_wheeled.protocol.frames import CanFrame
     from adatracker_wheeled.sim.simulator import Simulator
 
@@ -83,8 +87,7 @@ class WheeledSitl(Sitl):
                 *("--connection", json.dumps(dataclasses.asdict(profile.connection))),
                 *("--settings", json.dumps(dataclasses.asdict(profile.sitl))),
                 *("--camera-rate-hz", str(profile.camera.rate_hz)),
-                *("--scene", scenario.scene, "--seed", str(scenario.seed)),
-                *("--target-speed", str(scenario.target_speed_m_s)),
+                *scenario_arguments(scenario),
             ],
         )
         connection = dataclasses.replace(
@@ -118,23 +121,21 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _run(args: argparse.Namespace) -> int:
-    from adatracker_deploy.sim.rehearsal import film
     from adatracker_wheeled.sim.camera import FailingCamera
     from adatracker_wheeled.sim.simulator import Simulator
 
     _check_ports(args)
     connection, settings, rate_hz = _described(args)
     clock = simulator_clock(args)
-    scenario = Scenario(scene=args.scene, target_speed_m_s=args.target_speed, seed=args.seed)
     orders = FaultCommands()
     ended = parent_watchdog(args, orders)
     with contextlib.ExitStack() as stack:
-        simulator = Simulator(connection.roles, settings, scenario, clock, orders)
+        simulator = Simulator(connection.roles, settings, given_scenario(args), clock, orders)
         send, port = _bus(args, connection, simulator, orders, stack)
         camera = FailingCamera(args.camera_port, simulator.rehearsal.go)
         stack.callback(camera.close)
         orders.listen(camera.apply_faults)
-        film(simulator.rehearsal, clock, rate_hz, camera.publish, ended)
+        simulator.rehearsal.film(clock, rate_hz, camera.publish, ended)
         announce_ready(port=port, camera=camera.url)
         stack.enter_context(contextlib.suppress(KeyboardInterrupt))
         simulator.serve(send, ended)
@@ -202,11 +203,10 @@ def _arguments() -> argparse.ArgumentParser:
     parser.add_argument("--channel", default="vcan0", help="of that bus")
     parser.add_argument("--camera-port", type=int, default=0, help="of its camera's stream")
     parser.add_argument("--camera-rate-hz", type=float, default=None, help="default: the profile's")
-    parser.add_argument("--scene", default=Scenario().scene)
-    parser.add_argument("--target-speed", type=float, default=Scenario().target_speed_m_s, help="m/s")
     parser.add_argument("--rehearsal-token", default="", help="said to whoever asks with < rehearsal >")
     parser.add_argument("--connection", help="the profile's connection: section, as JSON")
     parser.add_argument("--settings", help="the profile's sitl: section, as JSON")
+    add_scenario_arguments(parser)
     add_arguments(parser)
     return parser
 
