@@ -36,7 +36,6 @@ class WorldCamera:
         pose: returns the robot's newest reported pose, or None; from another thread.
         clock: the run's.
         rate_hz: pictures a second of the run's.
-        size: their width and height, px.
     """
 
     def __init__(
