@@ -259,10 +259,11 @@ class WheeledAdapter(Platform):
             return not self._authority.in_charge
 
     def _queue_checks(self) -> tuple[Check, ...]:
-        length = Path("/sys/class/net", self._connection.channel, "tx_queue_len")
+        channel = str(self._connection.channel)
+        length = Path("/sys/class/net", channel, "tx_queue_len")
         if self._connection.interface != "socketcan" or not length.is_file():
             return ()
-        return (queue_check(self._connection.channel, int(length.read_text(encoding="ascii"))),)
+        return (queue_check(channel, int(length.read_text(encoding="ascii"))),)
 
     def _connected(self) -> Wire:
         if self._authority.wire is None:

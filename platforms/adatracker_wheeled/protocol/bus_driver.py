@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import difflib
+import importlib
+import inspect
 import logging
+import re
 import socket
 import time
 from typing import TYPE_CHECKING, Any
 
 import can
+import can.interfaces
 
 from adatracker_deploy.core.errors import PlatformError, UsageError
 
@@ -19,8 +23,10 @@ logging.getLogger("can").addHandler(logging.NullHandler())  # errors are raised;
 
 ANSWER_TIMEOUT_S = 1.5
 """For a socketcand to answer; python-can would try for 10 s to connect, and wait for ever for an answer."""
-_SET_ELSEWHERE = ("socketcan", "socketcand", "virtual")
+_SET_ELSEWHERE = ("socketcan", "socketcand", "udp_multicast", "virtual")
 """Interfaces whose bit rate this side has no say in."""
+_PACKAGES = {"canalystii": "canalystii", "cantact": "cantact", "gs_usb": "gs-usb", "slcan": "pyserial"}
+"""Where drivers that are mere Python packages come from."""
 
 
 def open_driver(connection: Connection) -> Any:
@@ -35,9 +41,15 @@ def open_driver(connection: Connection) -> Any:
     if interface == "socketcand":
         _shake_hands(connection)
     try:
+        _check_options(connection)
         return _open(connection)
+    except UsageError:
+        raise
     except can.CanInterfaceNotImplementedError as error:
-        raise UsageError(f"connection: interface {interface} lacks its driver: {line_of(error)}") from error
+        package = f"; pip install {_PACKAGES[interface]}" if interface in _PACKAGES else ""
+        raise UsageError(
+            f"connection: interface {interface} lacks its driver: {line_of(error)}{package}"
+        ) from error
     except (can.CanError, OSError) as error:
         raise PlatformError(
             f"CAN bus {connection.channel} ({interface}) cannot be opened: {line_of(error)}; plug the "
@@ -62,11 +74,11 @@ def line_of(error: Exception) -> str:
 
 
 def _open(connection: Connection) -> Any:
-    options: dict[str, Any] = {}
+    options: dict[str, Any] = dict(connection.options)
     if connection.interface == "socketcand":
-        options = {"host": connection.host, "port": connection.port, "tcp_tune": True}
+        options |= {"host": connection.host, "port": connection.port, "tcp_tune": True}
     elif connection.interface not in _SET_ELSEWHERE:
-        options = {"bitrate": connection.bitrate}
+        options |= {"bitrate": connection.bitrate}
     deadline_s = time.monotonic() + ANSWER_TIMEOUT_S
     while True:
         try:
@@ -85,6 +97,31 @@ def _check_interface(interface: str) -> None:
         near = difflib.get_close_matches(interface, known, n=1)
         hint = f"did you mean {near[0]!r}?" if near else f"it has {', '.join(known)}"
         raise UsageError(f"connection: python-can has no interface {interface!r}; {hint}")
+
+
+def _check_options(connection: Connection) -> None:
+    """Refuse options that the driver does not know: it would ignore them in silence.
+
+    Some drivers take them from ``**kwargs``, so whatever its constructor names anywhere counts as known.
+    """
+    if not connection.options:
+        return
+    module, name = can.interfaces.BACKENDS[connection.interface]
+    try:
+        made = getattr(importlib.import_module(module), name).__init__
+    except ImportError:  # opening it says so
+        return
+    words = set(re.findall(r"\w+", inspect.getsource(made)))
+    if unknown := sorted(connection.options.keys() - words):
+        known = [
+            each
+            for each in inspect.signature(made).parameters
+            if each not in ("self", "channel", "bitrate", "kwargs")
+        ]
+        raise UsageError(
+            f"connection: options: interface {connection.interface} has no {unknown[0]!r}; "
+            f"it has {', '.join(known)}"
+        )
 
 
 def _shake_hands(connection: Connection) -> None:

@@ -3,13 +3,30 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
 from adatracker_deploy.config.schema import Range
 from adatracker_deploy.core.errors import UsageError
 from adatracker_wheeled.protocol.roles import Roles
+
+_WHICH_DEVICE = ("index", "bus", "address", "serial", "unique_hardware_id", "device_id")
+"""Options that say which of several adapters is meant."""
+_SET_HERE = frozenset(
+    (
+        "interface",
+        "channel",
+        "bitrate",
+        "host",
+        "port",
+        "ignore_config",
+        "fd",
+        "receive_own_messages",
+        "can_filters",
+    )
+)
+"""Arguments of drivers that are no options: they stand elsewhere in the profile, or must be as they are."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -20,11 +37,15 @@ class Connection:
     """
 
     interface: str = "socketcan"
-    """As python-can names it: socketcan, socketcand, slcan, pcan, kvaser, virtual ..."""
-    channel: str = "can0"
-    """The bus, as the interface names it: can0, /dev/ttyACM0, PCAN_USBBUS1 ..."""
+    """As python-can names it: socketcan, socketcand, slcan, gs_usb, pcan, kvaser, vector, virtual ..."""
+    channel: str | int = "can0"
+    """The bus, as the interface names it: can0, /dev/ttyACM0, PCAN_USBBUS1; a number for gs_usb, kvaser,
+    vector and ixxat."""
     bitrate: Annotated[int, Range(10_000, 1_000_000)] = 500_000
     """bit/s; where the system sets it (socketcan) or the far side does (socketcand) it is not used."""
+    options: dict[str, bool | int | float | str] = field(default_factory=dict)
+    """More arguments of python-can's driver, by its own names, such as ``{tty_baudrate: 1000000}`` (slcan),
+    ``{serial: 12345, app_name: CANoe}`` (vector) or ``{bus: 1, address: 4}`` (gs_usb)."""
     host: str = "127.0.0.1"
     """Host of a socketcand."""
     port: Annotated[int, Range(1, 65535)] = 29536
@@ -47,12 +68,20 @@ class Connection:
                 return f"can:socketcand:{self.host}:{self.port}:{self.channel}"
             case "virtual":  # which no other process reaches
                 return f"can:virtual:{os.getpid()}:{self.channel}"
-        device = Path(self.channel).resolve() if self.channel.startswith("/") else self.channel
-        return f"can:{self.interface}:{device}"
+        device = str(self.channel).partition("@")[0]  # slcan's may end with @BAUD
+        device = str(Path(device).resolve()) if device.startswith("/") else device
+        which = [f"{name}={self.options[name]}" for name in _WHICH_DEVICE if name in self.options]
+        return ":".join(("can", self.interface, device, *which))
 
     def __post_init__(self) -> None:
-        if self.interface == "udp_multicast":
+        if set_here := sorted(_SET_HERE & self.options.keys()):
+            raise UsageError(
+                f"connection: options: {set_here[0]} is not to be set there; channel, bitrate, host and port "
+                "stand beside options, and the others are the toolkit's"
+            )
+        if self.interface == "udp_multicast" and self.options.get("hop_limit") != 0:
             raise UsageError(
                 "connection: interface udp_multicast sends motion commands to the whole network and loses "
-                "some of them silently; use socketcand to reach a bus over a network"
+                "some of them silently; use socketcand to reach a bus over a network, or stay on this "
+                "machine with options: {hop_limit: 0}"
             )
