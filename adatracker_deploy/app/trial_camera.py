@@ -81,7 +81,7 @@ def _virtual_camera(
     clock: Clock,
     stack: contextlib.ExitStack,
 ) -> WorldCamera:
-    from adatracker_deploy.perception.world_camera import WorldCamera  # needs the sitl extra
+    from adatracker_deploy.perception.world_camera import WorldCamera  # needs the world extra
 
     camera = WorldCamera(plan.scenario, profile.sitl.camera, pose, clock, profile.camera.rate_hz)
     stack.callback(camera.close)

@@ -262,8 +262,9 @@ def _plans(args: argparse.Namespace) -> list[TrialPlan]:
 
 def _extras(args: argparse.Namespace, names: list[str]) -> list[str]:
     """Return the extras that are sure to be needed, so that all that are missing are named at once."""
-    virtual = args.sitl or args.scene or (args.camera or "").startswith("world:")
-    return [*names, *(["sitl"] if virtual else ()), *(["live"] if args.live is not None else ())]
+    virtual = args.scene or (args.camera or "").startswith("world:")
+    world = ["sitl"] if args.sitl else ["world"] if virtual else []
+    return [*names, *world, *(["live"] if args.live is not None else ())]
 
 
 def _plan(args: argparse.Namespace, name: str) -> TrialPlan:
@@ -388,7 +389,7 @@ def _check_world(scenario: Scenario) -> None:
         from adatracker_deploy.sim import check_scene
     except ImportError as error:
         raise UsageError(
-            f"a virtual world needs {error.name}: pip install 'adatracker-deploy[sitl]'"
+            f"a virtual world needs {error.name}: pip install 'adatracker-deploy[world]'"
         ) from error
     from adatracker_deploy.sim.render import check_person, check_renderer
 

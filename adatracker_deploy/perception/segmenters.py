@@ -65,7 +65,7 @@ def open_segmenter(
     if name == TRUTH:
         return TruthSegmenter(), "the simulated camera's truth"
     if name == NOISY:
-        from adatracker_deploy.perception.noisy_truth import NoisyTruth  # the sitl extra's world
+        from adatracker_deploy.perception.noisy_truth import NoisyTruth  # needs the world extra
 
         return NoisyTruth(
             "embedded", rate_hz

@@ -52,7 +52,7 @@ def check_scene(name: str) -> None:
     if name not in scene_names():
         raise UsageError(f"unknown scene {name!r}: known are {', '.join(scene_names())}")
     if importlib.util.find_spec("mujoco") is None:
-        raise UsageError("a simulated world needs mujoco: pip install 'adatracker-deploy[sitl]'")
+        raise UsageError("a simulated world needs mujoco: pip install 'adatracker-deploy[world]'")
 
 
 class World:

@@ -33,12 +33,12 @@ def test_a_robot_whose_library_is_missing_names_its_extra(monkeypatch):
         load_platform("drone")
 
 
-@pytest.mark.parametrize("library", ["mujoco", "jsbsim"])
-def test_a_rehearsal_without_a_simulator_names_the_sitl_extra(monkeypatch, capsys, tmp_path, library):
+@pytest.mark.parametrize(("library", "extra"), [("mujoco", "world"), ("jsbsim", "sitl")])
+def test_a_rehearsal_without_a_simulator_names_the_extra(monkeypatch, capsys, tmp_path, library, extra):
     without(monkeypatch, library)
     assert main(["--platform", "drone", "--sitl", "--log-dir", str(tmp_path / "trials")]) == 2
     *_, line = capsys.readouterr().err.strip().splitlines()
-    assert f"needs {library}: pip install 'adatracker-deploy[sitl]'" in line
+    assert f"needs {library}: pip install 'adatracker-deploy[{extra}]'" in line
     assert not (tmp_path / "trials").exists()
 
 

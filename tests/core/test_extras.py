@@ -43,7 +43,7 @@ def test_this_package_is_installed_and_a_package_that_nobody_has_is_not():
     [
         (["--platform", "drone", "--sitl"], "[drone,sitl]"),
         (["--platform", "wheeled,quadruped", "--sitl", "--live"], "[live,quadruped,sitl,wheeled]"),
-        (["--platform", "drone", "--camera", "world://simple_room"], "[drone,sitl]"),
+        (["--platform", "drone", "--camera", "world://simple_room"], "[drone,world]"),
         (["--platform", "wheeled"], "[wheeled]"),
     ],
 )

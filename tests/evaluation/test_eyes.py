@@ -15,7 +15,7 @@ from adatracker_deploy.learning.conditions import make_cell
 from adatracker_deploy.learning.tracking import Tracking
 from adatracker_deploy.policy.catalogue import load_policy
 
-pytest.importorskip("panda3d", reason="needs the extra 'sitl'")
+pytest.importorskip("panda3d", reason="needs the extra 'world'")
 
 SPEC = make_cell("clean", 1.0, 0.5, 9_000_001)
 

@@ -70,7 +70,7 @@ def check_renderer() -> None:
         if importlib.util.find_spec(module) is None:
             raise UsageError(
                 "pictures of the virtual world need panda3d and panda3d-gltf: "
-                "pip install 'adatracker-deploy[sitl]'"
+                "pip install 'adatracker-deploy[world]'"
             )
 
 

@@ -22,7 +22,7 @@ from adatracker_deploy.sim.render.figure import (
     stride_of,
 )
 
-pytest.importorskip("panda3d", reason="needs the extra 'sitl'")
+pytest.importorskip("panda3d", reason="needs the extra 'world'")
 
 PEOPLE = shipped_people()
 

@@ -14,7 +14,7 @@ from adatracker_deploy.sim import World, scene_names
 from adatracker_deploy.sim.render import renderer
 from adatracker_deploy.sim.render.figure import shipped_people
 
-pytest.importorskip("panda3d", reason="needs the extra 'sitl'")
+pytest.importorskip("panda3d", reason="needs the extra 'world'")
 
 FOV_RAD = math.radians(90.0)
 HEIGHT, WIDTH = 120, 160
@@ -109,5 +109,5 @@ def test_a_cast_plays_the_parts_and_the_target_is_the_first():
 
 def test_without_what_draws_it_is_said_what_to_install(monkeypatch):
     monkeypatch.setattr(renderer.importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(UsageError, match=r"need panda3d and panda3d-gltf: pip install .*\[sitl\]"):
+    with pytest.raises(UsageError, match=r"need panda3d and panda3d-gltf: pip install .*\[world\]"):
         renderer.check_renderer()
