@@ -15,6 +15,7 @@ from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.perception.compressed_image import IMAGE_CAP_BYTES, read_compressed_image
 from adatracker_deploy.perception.image import decode_image, is_png
 from adatracker_deploy.perception.live import LiveCamera, Picture
+from adatracker_deploy.perception.zenoh_graph import Graph
 from adatracker_deploy.perception.zenoh_session import dial
 
 if TYPE_CHECKING:
@@ -77,6 +78,8 @@ class CompressedImageCamera(LiveCamera):
                 self._session = session
                 self._begin(session)
                 images = session.declare_subscriber(self._key, zenoh.handlers.RingChannel(1))
+                graph = Graph(session)
+                graph.subscribes(self._key)
             while not self._ending.is_set():
                 try:
                     sample = images.recv()

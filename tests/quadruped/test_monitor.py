@@ -10,8 +10,13 @@ from hypothesis import strategies as st
 from adatracker_deploy.core.clock import FakeClock
 from adatracker_deploy.core.geometry import Pose
 from adatracker_deploy.core.messages import ZERO
-from adatracker_quadruped.adapter.monitor import Fresh
+from adatracker_deploy.perception.zenoh_graph import Graph
+from adatracker_quadruped.adapter.monitor import Fresh, RobotMonitor
+from adatracker_quadruped.protocol.connection import Connection
+from adatracker_quadruped.protocol.keys import Keys
 from adatracker_quadruped.protocol.messages import Malformed, Odometry, decode_odometry, encode_odometry
+from adatracker_quadruped.protocol.session import open_session
+from tests.quadruped.routers import free_port, robot, until
 
 
 def said(stamp_ns):
@@ -69,3 +74,22 @@ def test_rubbish_between_two_messages_changes_nothing(clock):
         hear(b"rubbish")
     with pytest.raises(Malformed):
         hear(said(1))
+
+
+def test_the_tokens_by_which_ros_2_counts_us_do_not_pass_for_the_robots():
+    """`@ros2_lv/0/**` is every ROS 2 entity under rmw_zenoh, our own among them."""
+    on = Connection(
+        endpoint=f"tcp/127.0.0.1:{free_port()}", dialect="rmw_zenoh", robot_liveliness="@ros2_lv/0/**"
+    )
+    with robot(on) as there, open_session(on) as here:
+        graph = Graph(here)
+        for key in (Keys(on).odometry, Keys(on).imu):
+            graph.subscribes(key)
+        monitor = RobotMonitor(here, on, FakeClock())
+        until(lambda: len(list(there.liveliness().get("@ros2_lv/0/**", timeout=1.0))) > 1)
+        assert "the robot is gone: no liveliness token" in monitor.trouble()
+        node = there.liveliness().declare_token("@ros2_lv/0/abc/0/0/NN/%/%/base_driver")
+        until(lambda: "the robot is gone" not in monitor.trouble())
+        node.undeclare()
+        until(lambda: "the robot is gone" in monitor.trouble())
+    monitor.join()

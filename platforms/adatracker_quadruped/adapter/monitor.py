@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 import zenoh
 
 from adatracker_deploy.core.stamps import StampOrder
+from adatracker_deploy.perception.zenoh_graph import is_ours
 from adatracker_quadruped.adapter.subscriber import Subscriber
 from adatracker_quadruped.protocol.cdr import SMALL_CAP_BYTES
 from adatracker_quadruped.protocol.keys import Keys
@@ -101,7 +102,10 @@ def _decode_turned(payload: bytes) -> Odometry:
 
 
 class _Tokens:
-    """The robot's liveliness tokens: Zenoh tells of each that comes and goes, within 3 ms of a crash."""
+    """The robot's liveliness tokens: Zenoh tells of each that comes and goes, within 3 ms of a crash.
+
+    Those that this program shows to ROS 2 are not the robot's, wherever they come from.
+    """
 
     def __init__(self, session: zenoh.Session, key: str) -> None:
         self._changes = session.liveliness().declare_subscriber(
@@ -114,6 +118,8 @@ class _Tokens:
         """Return whether at least one is there."""
         with self._lock:
             while (change := self._changes.try_recv()) is not None:
+                if is_ours(str(change.key_expr)):
+                    continue
                 if change.kind == zenoh.SampleKind.PUT and len(self._present) < _MOST_TOKENS:
                     self._present.add(str(change.key_expr))
                 else:

@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING
 import zenoh
 
 from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.perception.zenoh_graph import Graph
 from adatracker_deploy.runtime.ownership import Claim
 from adatracker_quadruped.adapter.command_publisher import Commander
 from adatracker_quadruped.adapter.lease import Lease
 from adatracker_quadruped.adapter.monitor import RobotMonitor
+from adatracker_quadruped.protocol.keys import Keys
 from adatracker_quadruped.protocol.rehearsal_keys import SitlKeys
 from adatracker_quadruped.protocol.session import open_session
 
@@ -45,6 +47,11 @@ class Wire:
             self._require_own_rehearsal(connection)
             self.watch = RobotMonitor(self._session, connection, clock)
             self.commander = Commander(self._session, connection, self.watch.meant)
+            self._graph = Graph(self._session)
+            keys = Keys(connection)
+            self._graph.publishes(keys.command)
+            for key in (keys.odometry, keys.imu, keys.battery):
+                self._graph.subscribes(key)
             self.lease = Lease(self._session, connection.host_token)
             self.lease.take()
         except BaseException:
@@ -57,6 +64,7 @@ class Wire:
         """Wait, up to a time-out, for any message on a key."""
         deadline_s = time.monotonic() + timeout_s
         subscriber = self._session.declare_subscriber(key, zenoh.handlers.RingChannel(1))
+        self._graph.subscribes(key)
         try:
             while subscriber.try_recv() is None:
                 if time.monotonic() > deadline_s:
