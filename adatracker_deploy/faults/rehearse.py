@@ -39,6 +39,8 @@ GOES_ON_S = 4.0
 FEW_STEPS_S = 2.0
 """Duration of a trial whose fault comes before it follows, or as it ends at full speed."""
 SEED = 3
+WIDTH_PX = 160
+"""Of the pictures, of which only the truth is used."""
 TIMEOUT_S = 120.0
 """Time-out for a whole row, including a drone's take-off and landing."""
 REST_S = 30.0
@@ -81,7 +83,7 @@ def _rehearse(row: Row, platform_name: str, says: str, stalls: StallMonitor, fol
     platform, flies = load_platform(platform_name), "vz" in load_platform(platform_name).axes
     profile_arguments, profile = _profile(platform, row.changes, folder)
     began_ns, again = time.monotonic_ns(), ""
-    with serving(platform, profile, Scenario(seed=SEED), folder) as (simulator, witness):
+    with serving(platform, profile, Scenario(seed=SEED, width_px=WIDTH_PX), folder) as (simulator, witness):
         common = (
             *("--platform", platform_name, "--sitl", "--simulator", str(simulator), *profile_arguments),
             *("--seed", str(SEED), "--segmenter", "truth", "--json", "--log-dir", str(folder / "trials")),

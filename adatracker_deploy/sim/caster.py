@@ -7,6 +7,7 @@ model of its own, and gets only the rays that come near it.
 from __future__ import annotations
 
 import functools
+import os
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -62,8 +63,7 @@ class Caster:
 
     def __init__(self, model: Any) -> None:
         """Take a compiled model; see `of_bodies` and `of_surfaces`."""
-        import mujoco
-
+        mujoco = _mujoco()
         self._mujoco = mujoco
         self._model = model
         self._data = mujoco.MjData(model)
@@ -117,10 +117,16 @@ class Caster:
         return geom, distance
 
 
-@functools.lru_cache(maxsize=256)
-def _model_of(bodies: tuple[tuple[Primitive, ...], ...]) -> Any:
+def _mujoco() -> Any:
+    os.environ.setdefault("MUJOCO_GL", "off")  # rays need no window: with one it starts a process for GLFW
     import mujoco
 
+    return mujoco
+
+
+@functools.lru_cache(maxsize=256)
+def _model_of(bodies: tuple[tuple[Primitive, ...], ...]) -> Any:
+    mujoco = _mujoco()
     kinds = {
         "box": mujoco.mjtGeom.mjGEOM_BOX,
         "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
@@ -138,8 +144,7 @@ def _model_of(bodies: tuple[tuple[Primitive, ...], ...]) -> Any:
 
 
 def _surfaces_of(scene: Scene) -> Any:
-    import mujoco
-
+    mujoco = _mujoco()
     spec = mujoco.MjSpec()
     terrain = scene.terrain
     ground = {"rgba": (*scene.ground.rgb, 1.0)}

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.sim.render.motion import FPS, Skin, cycles
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -24,8 +25,9 @@ PEOPLE = Path(__file__).parent.parent / "people"
 """Where the people that ship are."""
 LARGEST_BYTES = 8 << 20
 MOST_TRIANGLES = 100_000
-WALK, STAND, SIT = "walk", "stand", "sit"
-_FPS = 30
+WALK, STAND = "walk", "stand"
+_MOMENTS = {WALK: 30, STAND: 12}
+"""Of each cycle: a walk's frames are 1/30 s apart, who stands moves less."""
 _PHASES = np.linspace(0.0, 1.0, 48, endpoint=False)
 _SHARES = (0.0, 0.5, 1.0)
 """Of the walk's cycle, and of walking against standing: where a body is measured."""
@@ -157,22 +159,21 @@ class Figure:
         except (Exception, SystemExit) as error:  # the library raises whatever comes
             raise UsageError(f"person {path}: cannot be loaded: {type(error).__name__}") from error
         self.root = p3d.NodePath("figure")
-        self._turned = self.root.attach_new_node("turned")
-        self._turned.set_h(90.0)  # glTF's ahead is Panda's -y
-        model.reparent_to(self._turned)
-        self._character = model.find("**/+Character").node()
-        self._bundle = self._character.get_bundle(0)
-        controls = p3d.AnimControlCollection()
-        p3d.auto_bind(self._character, controls, ~0)
-        self._controls = {
-            controls.get_anim_name(k): controls.get_anim(k) for k in range(controls.get_num_anims())
-        }
-        self._bundle.set_anim_blend_flag(True)
-        self._bundle.set_frame_blend_flag(True)
+        model.reparent_to(self.root)
+        model.set_h(90.0)  # glTF's ahead is Panda's -y
         _mended(model)
         low, high = model.get_tight_bounds(self.root)
         self.height_m = float(high.z - low.z)
-        self.stride, self._raised_m = self._measured(model)
+        motions = cycles(model, self.root, _MOMENTS)
+        self._walk, self._stand = motions[WALK], motions.get(STAND)
+        reach_m = max(float(np.abs(motion.moments[..., :3]).max()) for motion in motions.values())
+        self._body = self.root.attach_new_node("body")
+        self._skin = Skin(model, self._body, 2.0 * reach_m)
+        model.remove_node()
+        moments = [[self._mixed(float(phase), share, 0.0)[:, :3] for phase in _PHASES] for share in _SHARES]
+        self.stride = stride_of(np.array(moments[-1]))
+        self._raised_m = np.array([[-float(points[:, 2].min()) for points in row] for row in moments])
+        self.pose(0.0, 0.0, 0.0)
 
     def pose(self, walked_m: float, speed_m_s: float, seconds: float) -> None:
         """Pose them.
@@ -184,66 +185,24 @@ class Figure:
         """
         share = (speed_m_s - _SLOWEST_M_S) / (_STRIDES_M_S - _SLOWEST_M_S)
         phase = self.stride.phase(walked_m)
-        self._mix(phase, share, seconds)
+        self._vertices = self._mixed(phase, share, seconds)
+        self._skin.move(self._vertices)
+        # Between two steps, a mixture of walking and standing is lower than either.
         heights = [np.interp(phase, _PHASES, raised, period=1.0) for raised in self._raised_m]
-        self._turned.set_z(float(np.interp(share, _SHARES, heights)))
-        self._character.force_update()  # by itself it would lag by a picture at first
+        self._body.set_z(float(np.interp(share, _SHARES, heights)))
 
     def points(self) -> NDArray[np.float64]:
         """Return all vertices as they are posed, (V, 3), m, x ahead, z up from the ground."""
-        return self._vertices(self._turned)
+        return np.asarray(self._vertices[:, :3] + np.array([0.0, 0.0, self._body.get_z()]), np.float64)
 
-    def _mix(self, phase: float, share: float, seconds: float) -> None:
-        """Walk with a share of the limbs' motion, and stand with the rest."""
-        share = min(1.0, max(0.0, share)) if STAND in self._controls else 1.0
-        self._play(WALK, phase, share)
-        if STAND in self._controls:
-            still = self._controls[STAND]
-            self._play(STAND, seconds * _FPS / still.get_num_frames() % 1.0, 1.0 - share)
-
-    def _play(self, name: str, phase: float, share: float) -> None:
-        control = self._controls[name]
-        self._bundle.set_control_effect(control, share)
-        control.pose(phase * (control.get_num_frames() - 1))
-
-    def _measured(self, model: Any) -> tuple[Stride, NDArray[np.float64]]:
-        """Measure the walk on the mesh, and by how much it must be raised, (shares, moments), m.
-
-        Between two steps, a mixture of walking and standing is lower than either.
-        """
-        moments: list[list[NDArray[np.float64]]] = []
-        for share in _SHARES:
-            moments.append([])
-            for phase in _PHASES:
-                self._mix(float(phase), share, 0.0)
-                moments[-1].append(self._vertices(model))
-        raised = [[-float(points[:, 2].min()) for points in row] for row in moments]
-        return stride_of(np.array(moments[-1])), np.array(raised)
-
-    def _vertices(self, model: Any) -> NDArray[np.float64]:
-        """Return all vertices as they are posed, (V, 3), m, x ahead, z up."""
-        from panda3d import core as p3d
-
-        self._character.force_update()
-        found = []
-        for node in model.find_all_matches("**/+GeomNode"):
-            matrix = node.get_mat(self.root)
-            to_root = np.array([[matrix.get_cell(r, c) for c in range(4)] for r in range(4)])
-            for geom in node.node().get_geoms():
-                data = geom.get_vertex_data().animate_vertices(True, p3d.Thread.get_current_thread())
-                found.append(column(data, "vertex") @ to_root[:3, :3] + to_root[3, :3])
-        return np.concatenate(found)
-
-
-def column(data: Any, name: str) -> NDArray[np.float64]:
-    """Return a column of three floats of Panda3D's vertex data, (V, 3)."""
-    index = data.get_format().get_array_with(name)
-    array = data.get_format().get_array(index)
-    start = array.get_column(name).get_start()
-    rows = np.frombuffer(data.get_array(index).get_handle().get_data(), np.uint8).reshape(
-        -1, array.get_stride()
-    )
-    return np.ascontiguousarray(rows[:, start : start + 12]).view(np.float32).astype(np.float64)
+    def _mixed(self, phase: float, share: float, seconds: float) -> NDArray[np.float32]:
+        """Return who walks with a share of the limbs' motion, and stands with the rest, (V, 6)."""
+        if self._stand is None or share >= 1.0:
+            return self._walk.at(phase)
+        still = self._stand.at(seconds / self._stand.lasts_s)
+        if share <= 0.0:
+            return still
+        return np.asarray(still + np.float32(share) * (self._walk.at(phase) - still), np.float32)
 
 
 def _mended(model: Any) -> None:
@@ -279,4 +238,4 @@ def _srgb(linear: float) -> float:
 def _load(path: Path) -> Any:
     import gltf
 
-    return gltf.load_model(str(path), gltf.GltfSettings(no_srgb=True, animation_fps=_FPS))
+    return gltf.load_model(str(path), gltf.GltfSettings(no_srgb=True, animation_fps=FPS))
