@@ -35,6 +35,7 @@ _MASK_ONLY, _PICTURE_ONLY = 1, 2
 """Bits of the two cameras: shadows and sky are for pictures alone."""
 _CLASS_STEP = 40
 """Grey levels between two classes in the mask's buffer."""
+_CLASS_OF_GREY = ((np.arange(256) + _CLASS_STEP // 2) // _CLASS_STEP).astype(np.uint8)
 _QUIET = (
     "load-display p3tinydisplay",
     "audio-library-name null",
@@ -226,8 +227,8 @@ class _View:
         _engine()[0].render_frame()
         for buffer in self._buffers:  # other views of this process are drawn in their own turn
             buffer.set_active(False)
-        grey = _pixels(self._mask, height, width)[..., 1]
-        mask = ((grey.astype(np.uint16) + _CLASS_STEP // 2) // _CLASS_STEP).astype(np.uint8)
+        grey = cv2.extractChannel(_pixels(self._mask, height, width), 1)
+        mask = np.asarray(cv2.LUT(grey, _CLASS_OF_GREY), np.uint8)
         return mask, cv2.cvtColor(_pixels(self._picture, height, width), cv2.COLOR_BGRA2RGB)
 
     def _buffer(self, root: Any, name: str, bit: int) -> tuple[Any, Any]:
