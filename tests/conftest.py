@@ -49,6 +49,20 @@ def measured(record_property):
     return show
 
 
+def pytest_addoption(parser):
+    parser.addoption(
+        "--exhaustive",
+        action="store_true",
+        help="repeat what everyday runs sample: every race 50 times, every moment of a takeover",
+    )
+
+
+@pytest.fixture
+def exhaustive(request) -> bool:
+    """Whether to repeat in full what everyday runs sample."""
+    return bool(request.config.getoption("--exhaustive"))
+
+
 def pytest_collection_modifyitems(items):
     from tests.alone import is_alone  # not before pytest has loaded that plugin and rewritten its asserts
 

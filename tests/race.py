@@ -6,7 +6,6 @@ import subprocess
 import sys
 import time
 
-STARTS = 50
 _AHEAD_NS = 20_000_000
 
 
@@ -27,7 +26,7 @@ def _tell(racer, line):
     racer.stdin.flush()
 
 
-def race(name, connection, *options, starts=STARTS):
+def race(name, connection, *options, starts):
     """Start two programs `starts` times; return what the two said, each time.
 
     Args:

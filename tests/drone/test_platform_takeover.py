@@ -1,6 +1,7 @@
 """A drone that its pilot has taken: whatever is asked for afterwards, nothing is ordered any more."""
 
 import dataclasses
+import itertools
 import threading
 import time
 
@@ -51,20 +52,22 @@ def take_over_and_stop(drone, platform, mode, after_s):
     return switched_s
 
 
-def test_a_pilot_is_never_overridden_whenever_the_stop_comes(measured):
+def test_a_pilot_is_never_overridden_whenever_the_stop_comes(measured, exhaustive):
+    cases = list(itertools.product(PILOTS, MOMENTS_S))
+    if not exhaustive:  # each moment once, each mode twice
+        cases = list(zip(PILOTS * 2, MOMENTS_S, strict=True))
     most, wrong = 0, []
     with watched(parameters={"COM_OBL_RC_ACT": 4.0, "RTL_RETURN_ALT": 3.0}) as (drone, platform):
-        for mode in PILOTS:
-            for after_s in MOMENTS_S:
-                switched_s = take_over_and_stop(drone, platform, mode, after_s)
-                time.sleep(0.2)
-                told = [each.order for each in drone.since(switched_s)]
-                most = max(most, told.count("MOVE"))
-                if set(told) - {"MOVE", "ZERO"} or told.count("MOVE") > FEW:
-                    wrong.append((mode.name, after_s, told))
-                assert platform.state().taken_over, (mode, after_s)
-                drone.pilot(Mode.HOLD)
-                until(lambda: platform.state().mode == "HOLD")
+        for mode, after_s in cases:
+            switched_s = take_over_and_stop(drone, platform, mode, after_s)
+            time.sleep(0.2)
+            told = [each.order for each in drone.since(switched_s)]
+            most = max(most, told.count("MOVE"))
+            if set(told) - {"MOVE", "ZERO"} or told.count("MOVE") > FEW:
+                wrong.append((mode.name, after_s, told))
+            assert platform.state().taken_over, (mode, after_s)
+            drone.pilot(Mode.HOLD)
+            until(lambda: platform.state().mode == "HOLD")
     measured(f"drone, pilot's change and a stop 0 to 0.3 s later: {most} moving set-points at most")
     assert not wrong
 
@@ -178,13 +181,18 @@ def test_a_drone_that_has_an_owner_is_nobody_elses():
 
 
 @pytest.mark.slow
-def test_of_two_that_start_at_once_exactly_one_has_the_drone(measured):
+def test_of_two_that_start_at_once_exactly_one_has_the_drone(measured, exhaustive):
     from test_platform_sitl import rehearsal_profile
 
     profile = rehearsal_profile()
     drone = Watched(profile, MonotonicClock())
     try:
-        results = race("drone", dataclasses.asdict(profile.connection), "--connect-only")
+        results = race(
+            "drone",
+            dataclasses.asdict(profile.connection),
+            "--connect-only",
+            starts=50 if exhaustive else 10,
+        )
     finally:
         drone.close()
     counts = [len(owners(result)) for result in results]

@@ -277,14 +277,18 @@ def test_of_two_on_one_bus_without_a_machine_in_common_never_both_drive(monkeypa
 
 
 @pytest.mark.slow
-def test_of_two_that_start_at_once_exactly_one_has_the_base(measured):
+def test_of_two_that_start_at_once_exactly_one_has_the_base(measured, exhaustive):
     profile, clock = base_profile(), MonotonicClock()
     simulator, ended = Simulator(profile.connection.roles, profile.sitl, Scenario(), clock), threading.Event()
     server = SocketcandServer(0, simulator.hear)
     serving = threading.Thread(target=simulator.serve, args=(server.send, ended))
     serving.start()
     try:
-        results = race("wheeled", {"interface": "socketcand", "port": server.port})
+        results = race(
+            "wheeled",
+            {"interface": "socketcand", "port": server.port},
+            starts=50 if exhaustive else 10,
+        )
     finally:
         ended.set()
         serving.join()
