@@ -22,6 +22,7 @@ from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.messages import ZERO, Seen
 from adatracker_deploy.core.record import RESULTS
+from adatracker_deploy.core.task import FIRST_SIGHT_S
 from adatracker_deploy.perception.pipeline import Perception, refuse_hung
 from adatracker_deploy.runtime.black_box import FILE_NAME
 from adatracker_deploy.runtime.dry_run import DryRun
@@ -47,7 +48,6 @@ if TYPE_CHECKING:
     from adatracker_deploy.policy.base import Policy
     from adatracker_deploy.trial.privacy import Frames
 
-FIRST_SIGHT_TIMEOUT_S = 10.0
 LOOK_HZ = 200.0
 """Polling rate of a camera that sends by itself, in machine time: a frame waits 5 ms at most."""
 
@@ -240,7 +240,7 @@ class _Trial:
         perception = self.stack.enter_context(
             Perception(camera, plan.segmenter, self.clock, LOOK_HZ * self.clock.speed)
         )
-        self.progress.phase(f"looking for the person, for {FIRST_SIGHT_TIMEOUT_S:g} s at most")
+        self.progress.phase(f"looking for the person, for {FIRST_SIGHT_S:g} s at most")
         self._in_phase("looking")
         self._await_first_sight(perception)
         plan.policy.reset(plan.scenario.seed)
@@ -269,7 +269,7 @@ class _Trial:
 
     def _await_first_sight(self, perception: Perception) -> None:
         """Wait, standing still, until the target is seen."""
-        deadline_s = time.monotonic() + FIRST_SIGHT_TIMEOUT_S
+        deadline_s = time.monotonic() + FIRST_SIGHT_S
         for _ in self.engagement.statuses(math.inf):
             self.link.send(ZERO, self.clock.now_ns())
             try:
@@ -279,7 +279,7 @@ class _Trial:
             if seen is not None and seen.observation.box is not None:
                 return
             if time.monotonic() > deadline_s:
-                raise PlatformError(f"no person was seen within {FIRST_SIGHT_TIMEOUT_S:g} s")
+                raise PlatformError(f"no person was seen within {FIRST_SIGHT_S:g} s")
 
     def _write(self, record: StepRecord, seen: Seen) -> None:
         self._in_phase("following")

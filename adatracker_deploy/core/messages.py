@@ -97,6 +97,18 @@ class Box:
         """Return the share of the image that the box covers."""
         return self.w * self.h
 
+    def iou(self, other: Box) -> float:
+        """Return the intersection over union of two boxes, 0 to 1."""
+        across = min(self.cx + self.w / 2, other.cx + other.w / 2) - max(
+            self.cx - self.w / 2, other.cx - other.w / 2
+        )
+        down = min(self.cy + self.h / 2, other.cy + other.h / 2) - max(
+            self.cy - self.h / 2, other.cy - other.h / 2
+        )
+        shared = max(0.0, across) * max(0.0, down)
+        either = self.area + other.area - shared
+        return min(1.0, shared / either) if either > 0 else 0.0
+
     @classmethod
     def of_mask(cls, mask: ClassMask, value: int = MaskClass.TARGET) -> Box | None:
         """Return the tight box around the pixels equal to `value`, or None when there are none."""

@@ -15,6 +15,8 @@ MAX_BEARING_RAD = math.radians(45.0)
 """theta_max: the reward's scale, and half of the 90 degree field of view."""
 MAX_LOST_STEPS = 50
 """This many consecutive lost steps end a trial."""
+FIRST_SIGHT_S = 10.0
+"""How long a robot that stands still looks for the target before it gives up; not the paper's."""
 
 
 def step_reward(distance_m: float, bearing_rad: float) -> float:

@@ -13,6 +13,7 @@ import numpy as np
 
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.core.sight import Verdict, judged
+from adatracker_deploy.core.task import FIRST_SIGHT_S
 from adatracker_deploy.perception.jpeg import developed
 from adatracker_deploy.perception.segmenters import OF_REHEARSALS, open_segmenter
 from adatracker_deploy.perception.target.choice import Choice
@@ -24,9 +25,6 @@ if TYPE_CHECKING:
     from adatracker_deploy.core.sight import Sight
     from adatracker_deploy.perception.segmenter import Segmenter
     from adatracker_deploy.sim.task import Task
-
-FIRST_SIGHT_S = 10.0
-"""How long a robot that stands still looks for the target before it gives up; a trial's, too."""
 
 
 @dataclass(frozen=True, slots=True)

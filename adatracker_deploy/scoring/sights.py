@@ -10,7 +10,6 @@ from adatracker_deploy.scoring.metrics import Scorer, is_box
 from adatracker_deploy.scoring.stats.running import RunningQuantiles, RunningSum
 
 if TYPE_CHECKING:
-    from adatracker_deploy.core.messages import Box
     from adatracker_deploy.core.record import ScoredStep, StepRecord
 
 
@@ -41,7 +40,7 @@ class SightTally:
             if step.mask_iou is not None and 0.0 <= step.mask_iou <= 1.0:
                 self._mask_iou.add(step.mask_iou)
             if step.box is not None and step.true_box is not None and shown and is_box(step.box):
-                self._box_iou.add(box_iou(step.box, step.true_box))
+                self._box_iou.add(step.box.iou(step.true_box))
             if self._unseen_since_ns is not None:
                 self._found_again_s.add((step.t_ns - self._unseen_since_ns) / 1e9)
                 self._times += 1
@@ -70,15 +69,6 @@ class SightTally:
             "found_again_s": {"times": self._times, "p50": again[0], "max": again[1]},
             "mr_true": self._true.score().mr,
         }
-
-
-def box_iou(a: Box, b: Box) -> float:
-    """Return the intersection over union of two boxes, 0 to 1."""
-    across = min(a.cx + a.w / 2, b.cx + b.w / 2) - max(a.cx - a.w / 2, b.cx - b.w / 2)
-    down = min(a.cy + a.h / 2, b.cy + b.h / 2) - max(a.cy - a.h / 2, b.cy - b.h / 2)
-    shared = max(0.0, across) * max(0.0, down)
-    either = a.area + b.area - shared
-    return min(1.0, shared / either) if either > 0 else 0.0
 
 
 def _mean(values: RunningSum) -> float | None:

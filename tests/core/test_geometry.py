@@ -15,6 +15,8 @@ from adatracker_deploy.sim.anchor import Anchor
 
 lengths = st.floats(-50, 50)
 angles = st.floats(-3.1, 3.1)
+shares = st.floats(0.01, 1.0)
+boxes = st.builds(Box, shares, shares, shares, shares)
 poses = st.builds(Pose, lengths, lengths, lengths, angles, st.floats(-1.5, 1.5), angles)
 
 
@@ -62,3 +64,16 @@ def test_a_box_is_tight_around_its_class():
     assert box is not None
     assert (box.cx, box.cy, box.w, box.h) == pytest.approx((0.3, 0.35, 0.2, 0.3))
     assert Box.of_mask(np.zeros((4, 4), np.uint8)) is None
+
+
+@given(boxes, boxes)
+def test_the_overlap_of_boxes_is_a_share(a, b):
+    assert 0.0 <= a.iou(b) <= 1.0
+    assert a.iou(b) == pytest.approx(b.iou(a))
+    assert a.iou(a) == pytest.approx(1.0)
+
+
+def test_the_overlap_of_a_box_with_its_half():
+    whole = Box(0.5, 0.5, 0.4, 0.2)
+    assert whole.iou(Box(0.4, 0.5, 0.2, 0.2)) == pytest.approx(0.5)
+    assert whole.iou(Box(0.9, 0.9, 0.1, 0.1)) == 0.0

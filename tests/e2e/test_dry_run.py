@@ -134,14 +134,6 @@ def watched(name):
     return seen
 
 
-def overlap(a, b):
-    """Intersection over union of two boxes."""
-    width = min(a.cx + a.w / 2, b.cx + b.w / 2) - max(a.cx - a.w / 2, b.cx - b.w / 2)
-    height = min(a.cy + a.h / 2, b.cy + b.h / 2) - max(a.cy - a.h / 2, b.cy - b.h / 2)
-    shared = max(0, width) * max(0, height)
-    return shared / (a.w * a.h + b.w * b.h - shared)
-
-
 FILMS = ("03_skateboarder.mp4", "05_default_juggle.mp4", "bedroom.mp4")
 SEEN = {TargetState.TRACKED, TargetState.REACQUIRED}
 
@@ -170,7 +162,7 @@ def test_from_one_frame_to_the_next_the_box_is_never_somebody_elses(films, name)
     for before, after in itertools.pairwise(films[name]):
         if before.box and after.box:
             assert after.target in (TargetState.TRACKED, TargetState.COASTING)
-            assert overlap(before.box, after.box) > 1 / 3, f"frames {before.seq} and {after.seq}"
+            assert before.box.iou(after.box) > 1 / 3, f"frames {before.seq} and {after.seq}"
 
 
 @needs_video

@@ -8,9 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.core.messages import Box
 from adatracker_deploy.core.sight import Verdict
-from adatracker_deploy.scoring.sights import SightTally, box_iou
+from adatracker_deploy.scoring.sights import SightTally
 from adatracker_deploy.scoring.summary_table import sight_text
 from tests.trial.records import REFERENCE, TICK_NS, a_step, any_steps
 
@@ -79,14 +78,3 @@ def test_whatever_a_log_holds_it_is_summed_up(steps):
     json.dumps(summary, allow_nan=False)
     if summary is not None:
         assert sight_text(summary)
-
-
-share = st.floats(0.01, 1.0)
-boxes = st.builds(Box, share, share, share, share)
-
-
-@given(boxes, boxes)
-def test_the_overlap_of_boxes(a, b):
-    assert 0.0 <= box_iou(a, b) <= 1.0
-    assert box_iou(a, b) == pytest.approx(box_iou(b, a))
-    assert box_iou(a, a) == pytest.approx(1.0)
