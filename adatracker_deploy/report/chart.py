@@ -80,6 +80,12 @@ class Chart:
                 cv2.line(self._area, start, end, colour, 2, cv2.LINE_AA)
 
 
+def text_px(text: str, scale: float) -> int:
+    """Return the width of a line of text."""
+    (width, _), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, scale, 1)
+    return int(width)
+
+
 def write(image: Image, text: str, at: tuple[int, int], colour: Colour, scale: float) -> None:
     """Write a line of ASCII text, its lower left corner `at` a column and row."""
     cv2.putText(image, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, colour, 1, cv2.LINE_AA)

@@ -14,7 +14,7 @@ from adatracker_deploy.core.mask_png import PALETTE
 from adatracker_deploy.core.messages import MaskClass
 from adatracker_deploy.core.sight import Verdict
 from adatracker_deploy.core.task import DESIRED_DISTANCE_M
-from adatracker_deploy.report.chart import BLUE, GAP_PX, GREY, INK, LEFT_PX, PAPER, Chart, write
+from adatracker_deploy.report.chart import BLUE, GAP_PX, GREY, INK, LEFT_PX, PAPER, Chart, text_px, write
 from adatracker_deploy.scoring.metrics import box_reward
 
 if TYPE_CHECKING:
@@ -134,16 +134,20 @@ def _picture(step: StepRecord, frame: LoggedFrame, time_s: float) -> Image:
         _outline(image, step.box, GREEN)
     label = np.full((LABEL_PX, size[0], 3), PAPER, np.uint8)
     write(label, f"{time_s:.1f} s", (2, 20), INK, 0.55)
-    if step.stale:
-        write(label, "stale", (size[0] - 48, 20), GREY, 0.55)
-    elif step.sight in UNSEEN:
-        words = UNSEEN[step.sight]
-        write(label, words, (size[0] - 10 * len(words), 20), RED, 0.45)
-    elif step.box is None:
-        write(label, "lost", (size[0] - 42, 20), RED, 0.55)
-    elif step.distance_m is not None:
-        write(label, f"{step.distance_m:.1f} m", (size[0] - 62, 20), INK, 0.55)
+    words, colour, scale = _verdict(step)
+    write(label, words, (size[0] - text_px(words, scale) - 2, 20), colour, scale)
     return np.vstack([image, label])
+
+
+def _verdict(step: StepRecord) -> tuple[str, Colour, float]:
+    """Return what a frame's label says of it, its colour and its size."""
+    if step.stale:
+        return "stale", GREY, 0.55
+    if step.sight in UNSEEN:
+        return UNSEEN[step.sight], RED, 0.45
+    if step.box is None:
+        return "lost", RED, 0.55
+    return "" if step.distance_m is None else f"{step.distance_m:.1f} m", INK, 0.55
 
 
 def _painted(image: Image, mask: ClassMask) -> Image:

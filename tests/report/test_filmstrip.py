@@ -8,7 +8,9 @@ import pytest
 
 from adatracker_deploy.cli import main
 from adatracker_deploy.core.errors import UsageError
-from adatracker_deploy.report.filmstrip import GREEN, LOST, STALE, film_strip
+from adatracker_deploy.core.messages import Box
+from adatracker_deploy.report.chart import BLUE
+from adatracker_deploy.report.filmstrip import FRAME_PX, GREEN, LABEL_PX, LOST, RED, STALE, film_strip
 from adatracker_deploy.trial.reader import read_trial
 from tests.trial.records import a_frame, a_log, a_step, a_trial, an_observation
 
@@ -74,3 +76,18 @@ def test_a_stale_step_is_neither_drawn_as_lost_nor_as_seen(tmp_path):
     steps = [a_step(step, stale=True, box=None, action=()) for step in range(10)]
     strip = film_strip(read_trial(a_trial(tmp_path, [a_step(0), *steps[1:]])))
     assert (shows(strip, STALE), shows(strip, LOST)) == (True, False)
+
+
+def test_a_wrong_sight_is_named_and_the_truth_is_drawn_beside_it(tmp_path):
+    there, elsewhere = Box(0.7, 0.5, 0.1, 0.4), Box(0.3, 0.5, 0.1, 0.4)
+    right = [a_step(step, box=there, true_box=there, sight="seen") for step in range(5)]
+    wrong = [a_step(step, box=elsewhere, true_box=there, sight="somebody_else") for step in range(5)]
+    folders = [a_trial(tmp_path / name, steps) for name, steps in (("right", right), ("wrong", wrong))]
+    strips = [film_strip(read_trial(folder), 1) for folder in folders]
+    frames = [strip[LABEL_PX : LABEL_PX + FRAME_PX] for strip in strips]
+    columns = [np.flatnonzero((frame == GREEN).all(axis=-1).any(axis=0)).mean() for frame in frames]
+    assert columns[1] < columns[0]  # where it was thought to be
+    blue = [np.abs(frame.astype(int) - BLUE).sum(axis=-1) < 60 for frame in frames]  # a thin line, smoothed
+    assert blue[1].any()
+    labels = [strip[LABEL_PX + FRAME_PX : 2 * LABEL_PX + FRAME_PX] for strip in strips]
+    assert [shows(label, RED) for label in labels] == [False, True]
