@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from adatracker_deploy.runtime.link_process import LinkProcess
     from adatracker_deploy.trial.log import TrialLog
 
-NAP_S = 0.005
+NAP_S = 0.01
 WORTH_TELLING_S = 0.05
 
 
