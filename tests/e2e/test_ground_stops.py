@@ -1,4 +1,6 @@
-"""Whatever ends it, a ground robot at 0.5 m/s stands soon after; the times are printed.
+"""What ends it, ends a ground robot's motion at 0.5 m/s soon after, as somebody sees it on its own wire.
+
+The fault matrix strikes in all other ways, and reads the simulator's own record.
 
 The limits are what a prototype of this software measured from 0.5 m/s, deceleration included, on quiet
 machines, plus a quarter of a second for two busy cores.
@@ -7,7 +9,6 @@ machines, plus a quarter of a second for two busy cores.
 from __future__ import annotations
 
 import contextlib
-import functools
 import os
 import signal
 import subprocess
@@ -81,31 +82,9 @@ def test_after_an_unexpected_error_it_stands(drive, robot, measured):
     stopped(measured, robot, "exception", time.monotonic(), TOLD_S)
 
 
-def test_ctrl_c_and_sigterm_stop_it_equally_soon(drive, robot, measured):
-    took_s = {}
-    for number in (signal.SIGINT, signal.SIGTERM):
-        run = drive("--steps", "2000", "--json")
-        took_s[number] = strike(
-            measured, robot, number.name, functools.partial(os.kill, run.pid, number), TOLD_S
-        )
-        status, summary, _ = run.end()
-        assert status == 130
-        assert summary["outcome"] == "interrupted"
-    assert took_s[signal.SIGTERM] < took_s[signal.SIGINT] + BUSY_S
-
-
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP], ids=["kill -9", "SIGSTOP"])
-def test_a_tracker_that_dies_or_stops(drive, robot, measured, number):
+def test_a_tracker_that_dies(drive, robot, measured):
     run = drive("--steps", "2000")
-    strike(measured, robot, f"tracker, {number.name}", lambda: os.kill(run.pid, number), ROBOTS_OWN_S)
-
-
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP], ids=["kill -9", "SIGSTOP"])
-def test_a_link_that_dies_or_stops(drive, robot, measured, number):
-    run = drive("--steps", "2000")
-    robot.watcher.wait_until_cruising(CRUISE_M_S)
-    link = run.link_pid()
-    strike(measured, robot, f"link, {number.name}", lambda: os.kill(link, number), ROBOTS_OWN_S)
+    strike(measured, robot, "tracker, SIGKILL", lambda: os.kill(run.pid, signal.SIGKILL), ROBOTS_OWN_S)
 
 
 def test_an_unplugged_cable(drive, robot, measured):
@@ -126,17 +105,6 @@ def test_a_frozen_connection_and_its_return(drive, robot, measured):
     robot.watcher.halted_after(time.monotonic())  # what was under way when it froze moves nothing
     status, _, _ = run.end()
     assert status == 1
-
-
-def test_a_robot_that_freezes_and_thaws_does_not_run_on(drive, robot, measured):
-    run = drive("--steps", "2000", "--json")
-    robot.watcher.wait_until_cruising(CRUISE_M_S)
-    os.kill(robot.simulator.pid, signal.SIGSTOP)
-    status, summary, _ = run.end()
-    assert status == 1
-    assert summary["reason"]
-    os.kill(robot.simulator.pid, signal.SIGCONT)
-    stopped(measured, robot, "robot frozen, then thawed", time.monotonic(), ROBOTS_OWN_S)
 
 
 def test_a_robot_that_dies_ends_the_run_with_a_sentence(drive, robot):
