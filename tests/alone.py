@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 ALONE = ("e2e", "outside")
+UNTIMED = ("test_operator_stop.py", "test_rehearsal_alone.py")
+"""Files there that time nothing, and so run beside others."""
 TESTS = Path(__file__).parent
 _turns = contextlib.ExitStack()
 """What this worker holds: from the first test of a file to its last."""
@@ -27,7 +29,8 @@ _held: list[Path] = []
 
 def is_alone(path: Path) -> bool:
     """Return whether the tests of a file run beside no others."""
-    return path.is_relative_to(TESTS) and path.relative_to(TESTS).parts[0] in ALONE
+    alone = path.is_relative_to(TESTS) and path.relative_to(TESTS).parts[0] in ALONE
+    return alone and path.name not in UNTIMED
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
