@@ -171,6 +171,9 @@ class Platform(abc.ABC):
     profile_dir: ClassVar[Path | None] = None
     """The folder in the robot's own package that holds its profiles; None when the toolkit ships them."""
 
+    traffic_formats: ClassVar[tuple[str, ...]] = ()
+    """What `export_traffic` writes, by suffix such as ``.asc``; empty when `record` writes nothing."""
+
     def __init__(self, profile: Profile, clock: Clock) -> None:
         self.profile = profile
         self.clock = clock
@@ -205,6 +208,26 @@ class Platform(abc.ABC):
         Each becomes a warning in the trial's log, so adapters keep them few, whatever arrives.
         """
         return ()
+
+    def record(self, folder: Path) -> None:  # noqa: B027 -- for those that keep their wire's traffic
+        """Write the wire's own traffic into a trial's folder until `close`; never blocks, never raises.
+
+        The link calls it between `connect` and `engage`. A file that cannot be written is a notice.
+        """
+
+    @classmethod
+    def export_traffic(cls, folder: Path, out: Path, ahead_ns: int) -> None:
+        """Write what `record` left in a trial's folder as one of `traffic_formats`.
+
+        Args:
+            folder: of the trial.
+            out: the file to write; its suffix is one of `traffic_formats`.
+            ahead_ns: by what wall-clock time is ahead of the run's clock, ns.
+
+        Raises:
+            UsageError: the trial has none, or a file cannot be read or written.
+        """
+        raise NotImplementedError(f"{cls.name} has no traffic formats")
 
     @abc.abstractmethod
     def hold(self, reason: str) -> None:

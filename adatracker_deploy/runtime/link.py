@@ -31,6 +31,7 @@ from adatracker_deploy.runtime.suspend import SuspendWatch
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
     from adatracker_deploy.core.clock import Clock
 
@@ -146,6 +147,13 @@ class Link:
     def disengage(self, reason: str) -> None:
         """Disengage in the robot's safe way, from any phase; `status.phase` ends as DONE."""
         self._give_up(Stop(Reason.ASKED, reason))
+
+    def record(self, folder: Path) -> None:
+        """Let the robot's wire write its traffic into a trial's folder."""
+        try:
+            self._platform.record(folder)
+        except Exception as error:  # no log is worth a robot's link
+            self.note("warning", f"the wire's traffic is not logged: {type(error).__name__}: {error}")
 
     def step(self, now_ns: int) -> LinkStatus:
         """Run one 50 Hz step at `now_ns`; return the new status."""

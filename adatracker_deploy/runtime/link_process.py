@@ -130,7 +130,7 @@ class LinkProcess:
         self._ask("disengage", reason)
 
     def record(self, path: Path) -> None:
-        """Request a black box at `path`, which must not exist yet."""
+        """Request a black box at `path`, which must not exist yet, and the wire's traffic beside it."""
         self._ask("record", str(path))
 
     def status(self) -> LinkStatus | None:
@@ -292,6 +292,7 @@ def _serve(
                 request, words = pipe.recv()
                 if request == "record":
                     box = _black_box(words, link)
+                    link.record(Path(words).parent)
                 else:
                     closing = _obey(link, request, words)
         except (OSError, EOFError):

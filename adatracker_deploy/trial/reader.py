@@ -102,11 +102,7 @@ class TrialAbout:
     @property
     def wall_offset_ns(self) -> int | None:
         """What wall-clock time, ns, is ahead of the run's clock; None where the log does not say."""
-        try:
-            started_s = datetime.fromisoformat(self.about["started"]).timestamp()
-            return round(started_s * 1e6) * 1000 - int(self.about["run_clock_ns"])
-        except (KeyError, ValueError):
-            return None
+        return wall_offset_ns(self.about)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -205,6 +201,15 @@ def read_head(path: Path) -> tuple[Path, Mapping[str, str]]:
                 raise UsageError(f"{file}: not a trial of this toolkit ({_one_line(error)})") from error
             return file, record.metadata
     raise UsageError(f"{file}: not a trial of this toolkit (it does not say what trial it is of)")
+
+
+def wall_offset_ns(about: Mapping[str, str]) -> int | None:
+    """Return what wall-clock time, ns, is ahead of the run's clock, by a log's head; None if unknown."""
+    try:
+        started_s = datetime.fromisoformat(about["started"]).timestamp()
+        return round(started_s * 1e6) * 1000 - int(about["run_clock_ns"])
+    except (KeyError, ValueError):
+        return None
 
 
 def _read(path: Path, decode: Callable[[bytes], StepT]) -> tuple[dict[str, Any], tuple[StepT, ...]]:

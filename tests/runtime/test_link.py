@@ -153,6 +153,21 @@ def test_what_the_robots_wire_has_to_tell_becomes_a_warning_in_every_phase():
     assert set(told) == {"warning"}
 
 
+def test_the_wires_traffic_is_recorded_and_a_robot_that_cannot_costs_only_that(tmp_path):
+    class Recording(FakePlatform):
+        def record(self, folder):
+            (folder / "traffic").write_text("heard", encoding="ascii")
+
+    rig = Rig(Recording)
+    rig.link.record(tmp_path)
+    assert (tmp_path / "traffic").read_text(encoding="ascii") == "heard"
+    rig.link.record(tmp_path / "missing")
+    (event,) = rig.link.drain_events()
+    assert event.level == "warning"
+    assert "the wire's traffic is not logged: FileNotFoundError" in event.message
+    rig.driving()
+
+
 @pytest.mark.parametrize(
     ("says", "reason", "phase"),
     [

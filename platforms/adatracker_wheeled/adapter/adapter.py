@@ -28,6 +28,7 @@ from adatracker_wheeled.adapter.preflight import (
     timeout_check,
 )
 from adatracker_wheeled.adapter.receiver import BaseTelemetry, StopCause
+from adatracker_wheeled.adapter.traffic import FORMATS, export_traffic
 from adatracker_wheeled.adapter.transport import Wire
 from adatracker_wheeled.protocol.connection import Connection
 
@@ -54,6 +55,7 @@ class WheeledAdapter(Platform):
     axes = frozenset({"vx", "yaw_rate"})
     Connection = Connection
     default_profile = "scout"
+    traffic_formats = FORMATS
 
     def __init__(self, profile: Profile, clock: Clock) -> None:
         super().__init__(profile, clock)
@@ -162,7 +164,7 @@ class WheeledAdapter(Platform):
         )
 
     def notices(self) -> tuple[str, ...]:
-        """Return notices about the base's warnings and its malformed frames."""
+        """Return notices about the base's warnings, its malformed frames and the CAN log."""
         wire = self._authority.wire
         if wire is None:
             return ()
@@ -173,7 +175,19 @@ class WheeledAdapter(Platform):
         return (
             *((f"CAN: {count} malformed frames were dropped",) if worth_logging(told, count) else ()),
             *(f"the base warns of: {warning}" for warning in sorted(new)),
+            *wire.traffic.notices(),
         )
+
+    def record(self, folder: Path) -> None:
+        """Write all CAN traffic from `connect` on into ``can.log`` of a trial's folder."""
+        wire = self._authority.wire
+        if wire is not None:
+            wire.traffic.record(folder)
+
+    @classmethod
+    def export_traffic(cls, folder: Path, out: Path, ahead_ns: int) -> None:
+        """Write a trial's CAN log as Vector's ``.asc`` or ``.blf``."""
+        export_traffic(folder, out, ahead_ns)
 
     def hold(self, reason: str) -> None:
         """Send zero three times, then nothing until an explicit `engage`; the base stays enabled."""

@@ -13,6 +13,7 @@ from adatracker_deploy.runtime.charge import ChargeMark
 from adatracker_deploy.runtime.ownership import Claim
 from adatracker_deploy.runtime.suspend import SuspendWatch
 from adatracker_wheeled.adapter.receiver import BaseTelemetry, Receiver, StopCause, rival, trouble
+from adatracker_wheeled.adapter.traffic import Traffic
 from adatracker_wheeled.adapter.transmitter import Transmitter
 from adatracker_wheeled.protocol.bus import Bus
 from adatracker_wheeled.protocol.codec import Codec
@@ -61,10 +62,11 @@ class Wire:
         self._suspends = SuspendWatch(clock)
         self._driven_ns = 0
         """Somebody else's commands count as trouble from then on."""
+        self.traffic = Traffic(clock, str(connection.channel))
         self.mark = ChargeMark(connection.robot)
         self._claim = Claim(connection.robot)
         try:
-            self._bus = Bus.open(connection, self._hear)
+            self._bus = Bus.open(connection, self._hear, self.traffic.add)
         except BaseException:
             self._claim.close()
             raise
@@ -172,7 +174,7 @@ class Wire:
         self.transmitter.mute()
         self._bus.close()
         self.receiver.forget()
-        self._bus = Bus.open(self._connection, self._hear)
+        self._bus = Bus.open(self._connection, self._hear, self.traffic.add)
         self._opened_ns = self._clock.now_ns()
 
     def hear_state(self, meanwhile: Callable[[], None]) -> None:
@@ -206,9 +208,10 @@ class Wire:
         return True
 
     def close(self) -> None:
-        """End both threads, release the device, and let others have the bus."""
+        """End the threads, release the device, finish the CAN log, and let others have the bus."""
         self.transmitter.close()
         self._bus.close()
+        self.traffic.close()
         self._claim.close()
 
     def _hear(self, frame: CanFrame | None) -> None:

@@ -43,9 +43,16 @@ class Bus:
         name: how errors name it, for example ``can0 (socketcan)``.
         hear: called in the receive thread with each data frame, and with None when nothing came for 50 ms and
             when the bus is lost.
+        tap: called with each of python-can's messages that was heard or sent; must return at once.
     """
 
-    def __init__(self, driver: Any, name: str, hear: Callable[[CanFrame | None], None]) -> None:
+    def __init__(
+        self,
+        driver: Any,
+        name: str,
+        hear: Callable[[CanFrame | None], None],
+        tap: Callable[[Any], None] = lambda _: None,
+    ) -> None:
         self.lost = ""
         """Why the bus is lost; empty while it works."""
         self.dropped = 0
@@ -55,6 +62,7 @@ class Bus:
         self._driver = driver
         self._name = name
         self._hear = hear
+        self._tap = tap
         self._stream = _stream(driver)
         self._sending = threading.Lock()
         self._full_since_s: float | None = None
@@ -63,14 +71,19 @@ class Bus:
         self._thread.start()
 
     @classmethod
-    def open(cls, connection: Connection, hear: Callable[[CanFrame | None], None]) -> Bus:
+    def open(
+        cls,
+        connection: Connection,
+        hear: Callable[[CanFrame | None], None],
+        tap: Callable[[Any], None] = lambda _: None,
+    ) -> Bus:
         """Open the bus of a profile's ``connection:``.
 
         Raises:
             UsageError, PlatformError: as `open_driver`.
         """
         name = f"{connection.channel} ({connection.interface})"
-        return cls(open_driver(connection), name, hear)
+        return cls(open_driver(connection), name, hear, tap)
 
     def send(self, frame: CanFrame) -> bool:
         """Send one frame now or never; return whether the bus took it.
@@ -94,7 +107,9 @@ class Bus:
                     raise self._lose(f"it has taken no frame for {STUCK_S:g} s") from error
                 return False
             self._full_since_s = None
-            return True
+        message.is_rx = False
+        self._tap(message)
+        return True
 
     def close(self) -> None:
         """Stop listening and release the device; may be called twice."""
@@ -110,6 +125,8 @@ class Bus:
                 if message is None and self._stream is not None and _ended(self._stream):
                     self._lose("the far side has closed the connection")  # python-can would spin in silence
                     break
+                if message is not None and message.is_rx:  # not our own, where a driver echoes what was sent
+                    self._tap(message)
                 self._hear(self._to_frame(message))
         except Exception as error:  # drivers raise what they like; none of it may pass for a silent bus
             self._lose(line_of(error))
