@@ -51,6 +51,10 @@ def open_driver(connection: Connection) -> Any:
             f"connection: interface {interface} lacks its driver: {line_of(error)}{package}"
         ) from error
     except (can.CanError, OSError) as error:
+        if "library not found" in str(error):  # as pcan says it
+            raise UsageError(
+                f"connection: interface {interface} lacks its driver: {line_of(error)}; install its vendor's"
+            ) from error
         raise PlatformError(
             f"CAN bus {connection.channel} ({interface}) cannot be opened: {line_of(error)}; plug the "
             "adapter in, bring the bus up (ip link set can0 up type can bitrate 500000), or mend "
@@ -70,13 +74,13 @@ def open_driver(connection: Connection) -> Any:
 def line_of(error: Exception) -> str:
     """Return an error's first line, short."""
     text = getattr(error, "strerror", None) or str(error) or type(error).__name__
-    return str(text).splitlines()[0][:120]
+    return str(text).splitlines()[0][:120].rstrip(". ")
 
 
 def _open(connection: Connection) -> Any:
     options: dict[str, Any] = dict(connection.options)
     if connection.interface == "socketcand":
-        options |= {"host": connection.host, "port": connection.port, "tcp_tune": True}
+        options = {"tcp_tune": True} | options | {"host": connection.host, "port": connection.port}
     elif connection.interface not in _SET_ELSEWHERE:
         options |= {"bitrate": connection.bitrate}
     deadline_s = time.monotonic() + ANSWER_TIMEOUT_S
