@@ -14,6 +14,8 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 ROOMS = ("adapter", "protocol", "sim")
+ON_ROBOTS = {"quadruped": ("robot",)}
+"""Rooms of those that ship what runs on a robot."""
 FILES = (
     *("platform.py", "adapter/adapter.py", "adapter/preflight.py", "adapter/transport.py"),
     *("protocol/connection.py", "sim/sitl.py", "sim/simulator.py", "sim/dynamics.py", "sim/settings.py"),
@@ -46,6 +48,6 @@ def test_every_robot_has_the_same_rooms_and_files(robot):
     package = ROOT / "platforms" / f"adatracker_{robot}"
     assert sorted(
         path.name for path in package.iterdir() if path.is_dir() and path.name != "__pycache__"
-    ) == [*ROOMS]
+    ) == sorted((*ROOMS, *ON_ROBOTS.get(robot, ())))
     assert not [name for name in FILES if not (package / name).is_file()]
     assert (package / "py.typed").is_file()

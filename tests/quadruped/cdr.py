@@ -13,6 +13,9 @@ HEADER = {"<": b"\0\1\0\0", ">": b"\0\0\0\0"}
 _CODES = {
     "bool": "?",
     "uint8": "B",
+    "int8": "b",
+    "int16": "h",
+    "uint16": "H",
     "int32": "i",
     "uint32": "I",
     "int64": "q",
@@ -23,6 +26,7 @@ _CODES = {
 TIME = ["int32", "uint32"]
 HEAD = [*TIME, "string"]
 VECTOR = ["float64"] * 3
+UNITREE_IMU = [*["float32"] * 13, "int8"]
 TWIST = VECTOR * 2
 LAYOUTS = {
     "Twist": TWIST,
@@ -48,6 +52,37 @@ LAYOUTS = {
         "string",
     ],
     "CompressedImage": [*HEAD, "string", "bytes"],
+    "SportModeState": [
+        *TIME,
+        "uint32",
+        *UNITREE_IMU,
+        "uint8",
+        "float32",
+        "uint8",
+        *["float32"] * 13,
+        *["int16"] * 4,
+        *["float32"] * 24,
+    ],
+    "LowState": [
+        *["uint8"] * 4,
+        *["uint32"] * 4,
+        "uint16",
+        *UNITREE_IMU,
+        *["uint8", *["float32"] * 7, "int8", *["uint32"] * 3] * 20,
+        *["uint8"] * 4,
+        "int32",
+        "uint16",
+        *["int8"] * 4,
+        *["uint16"] * 15,
+        *["int16"] * 8,
+        "uint32",
+        *["uint8"] * 41,
+        "float32",
+        *["int8"] * 2,
+        *["float32"] * 2,
+        *["uint16"] * 4,
+        *["uint32"] * 2,
+    ],
     "Request": ["int64", "int64", "int64", "int32", "bool", "string", "bytes"],
 }
 """Each message's primitives in order, as its .msg file and those that it includes list them."""

@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 
 from adatracker_deploy.core.messages import ZERO, Twist
 from adatracker_quadruped.protocol import sport
+from adatracker_quadruped.protocol.command_decoder import STALE_S, Intake
 from adatracker_quadruped.protocol.connection import Connection
 from adatracker_quadruped.protocol.keys import attachment
 from adatracker_quadruped.protocol.messages import encode_twist, encode_twist_stamped
-from adatracker_quadruped.sim.command_decoder import STALE_S, Intake
 
 WALK = Twist(vx=0.5, vy=-0.1, yaw_rate=0.3)
 NOW_NS = 1_700_000_000_000_000_000

@@ -22,6 +22,7 @@ from adatracker_quadruped.protocol.messages import (
     in_body,
 )
 from adatracker_quadruped.protocol.rehearsal_keys import SitlKeys
+from adatracker_quadruped.protocol.unitree import decode_low_state, decode_sport_mode_state
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -50,14 +51,14 @@ class RobotMonitor:
         keys = Keys(connection)
         self._connection = connection
         self._clock = clock
-        turned = connection.odometry_velocity == "odom"
-        self._driver = Fresh(_decode_turned if turned else decode_odometry, clock)
+        self._driver = Fresh(_odometry_decoder(connection), clock)
         self.odometry = Subscriber(session, keys.odometry, self._driver, clock, SMALL_CAP_BYTES)
         self.imu = self.battery = self._tokens = self._rehearsal = None
         if keys.imu:
             self.imu = Subscriber(session, keys.imu, Fresh(decode_imu, clock), clock, SMALL_CAP_BYTES)
         if keys.battery:
-            self.battery = Subscriber(session, keys.battery, decode_battery, clock, SMALL_CAP_BYTES)
+            decode = decode_low_state if connection.battery == "low_state" else decode_battery
+            self.battery = Subscriber(session, keys.battery, decode, clock, SMALL_CAP_BYTES)
         if connection.robot_liveliness:
             self._tokens = _Tokens(session, connection.robot_liveliness)
         if run := SitlKeys(connection).run:
@@ -96,9 +97,10 @@ class RobotMonitor:
                 tap.join()
 
 
-def _decode_turned(payload: bytes) -> Odometry:
-    """Decode odometry with its velocity in the odometry frame; the only place where that is converted."""
-    return in_body(decode_odometry(payload))
+def _odometry_decoder(connection: Connection) -> Callable[[bytes], Odometry]:
+    """Return what decodes the odometry; the only place where a velocity in its own frame is turned."""
+    decode = decode_sport_mode_state if connection.odometry == "sport_mode_state" else decode_odometry
+    return decode if connection.odometry_velocity == "body" else lambda payload: in_body(decode(payload))
 
 
 class _Tokens:

@@ -11,12 +11,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from adatracker_quadruped.protocol import cdr as protocol
-from adatracker_quadruped.protocol import sport
+from adatracker_quadruped.protocol import sport, unitree
 from adatracker_quadruped.protocol.cdr import Malformed
 
 if TYPE_CHECKING:
     from adatracker_quadruped.protocol.connection import Connection
 
+_ODOMETRY_TYPES = {"odometry": protocol.ODOMETRY, "sport_mode_state": unitree.SPORT_MODE_STATE}
+_BATTERY_TYPES = {"battery_state": protocol.BATTERY_STATE, "low_state": unitree.LOW_STATE}
 _COMMAND_TYPES = {
     "twist": protocol.TWIST,
     "twist_stamped": protocol.TWIST_STAMPED,
@@ -44,8 +46,8 @@ class Keys:
 
     @property
     def odometry(self) -> str:
-        """Key of nav_msgs/Odometry."""
-        return self._key(self.connection.odometry_topic, protocol.ODOMETRY)
+        """Key of the odometry, of the connection's message type."""
+        return self._key(self.connection.odometry_topic, _ODOMETRY_TYPES[self.connection.odometry])
 
     @property
     def imu(self) -> str:
@@ -54,13 +56,18 @@ class Keys:
 
     @property
     def battery(self) -> str:
-        """Key of sensor_msgs/BatteryState."""
-        return self._key(self.connection.battery_topic, protocol.BATTERY_STATE)
+        """Key of the charge, of the connection's message type."""
+        return self._key(self.connection.battery_topic, _BATTERY_TYPES[self.connection.battery])
 
     @property
     def camera(self) -> str:
         """Key of sensor_msgs/CompressedImage."""
         return self._key(self.connection.camera_topic, protocol.COMPRESSED_IMAGE)
+
+    @property
+    def robot_token(self) -> str:
+        """Key of a liveliness token that the host takes for the robot's; empty where it watches none."""
+        return self.connection.robot_liveliness.replace("**", "robot").replace("*", "robot")
 
     @property
     def attaches(self) -> bool:

@@ -17,10 +17,12 @@ from adatracker_quadruped.protocol.messages import (
 )
 from adatracker_quadruped.protocol.publisher import Publisher
 from adatracker_quadruped.protocol.rehearsal_keys import Fault
+from adatracker_quadruped.protocol.unitree import encode_low_state, encode_sport_mode_state
 
 if TYPE_CHECKING:
     import zenoh
 
+    from adatracker_deploy.core.geometry import Pose
     from adatracker_quadruped.protocol.connection import Connection
     from adatracker_quadruped.sim.dynamics import QuadrupedBody
     from adatracker_quadruped.sim.settings import SitlSettings
@@ -38,6 +40,8 @@ class Senses:
         keys = Keys(connection)
         self._settings = settings
         self._in_odom = connection.odometry_velocity == "odom"
+        self._unitree = connection.odometry == "sport_mode_state"
+        self._low_state = connection.battery == "low_state"
         self._odometry = _Due(session, keys.odometry, settings.odometry_hz, attaches=keys.attaches)
         self._imu = _Due(session, keys.imu, settings.imu_hz, attaches=keys.attaches)
         self._battery = _Due(session, keys.battery, _BATTERY_HZ, attaches=keys.attaches)
@@ -57,20 +61,21 @@ class Senses:
             return
         if self._odometry.due(now_ns):
             if Fault.FROZEN_ODOMETRY not in faults:
-                told = Odometry(body.pose, body.velocity, unix_ns)
-                self._said = encode_odometry(in_odom(told) if self._in_odom else told)
+                pose = _trunk(body, faults) if self._unitree else body.pose
+                moves = Odometry(pose, body.velocity, unix_ns)
+                encode = encode_sport_mode_state if self._unitree else encode_odometry
+                self._said = encode(in_odom(moves) if self._in_odom else moves)
             self._odometry.put(self._said, unix_ns)
         if self._imu.due(now_ns):
             self._imu.put(encode_imu(_inertia(body, faults, unix_ns)), unix_ns)
         if self._battery.due(now_ns):
             charge = _LOW if Fault.LOW_BATTERY in faults else self._settings.battery
-            self._battery.put(encode_battery(charge, unix_ns), unix_ns)
+            told = encode_low_state(charge) if self._low_state else encode_battery(charge, unix_ns)
+            self._battery.put(told, unix_ns)
 
 
 def _inertia(body: QuadrupedBody, faults: frozenset[Fault], unix_ns: int) -> Imu:
-    trunk = body.trunk
-    if Fault.TIPPED_OVER in faults:
-        trunk = replace(trunk, roll=_TIPPED_ROLL)
+    trunk = _trunk(body, faults)
     ax, ay, az = (float(g) for g in trunk.rotation()[2] * _GRAVITY_M_S2)
     return Imu(
         attitude=(trunk.roll, trunk.pitch, trunk.yaw),
@@ -78,6 +83,10 @@ def _inertia(body: QuadrupedBody, faults: frozenset[Fault], unix_ns: int) -> Imu
         acceleration_m_s2=(ax, ay, az),
         stamp_ns=unix_ns,
     )
+
+
+def _trunk(body: QuadrupedBody, faults: frozenset[Fault]) -> Pose:
+    return replace(body.trunk, roll=_TIPPED_ROLL) if Fault.TIPPED_OVER in faults else body.trunk
 
 
 class _Due:

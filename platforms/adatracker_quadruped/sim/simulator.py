@@ -19,13 +19,13 @@ from adatracker_deploy.perception.compressed_image import CompressedImage
 from adatracker_deploy.runtime.pacer import Pacer
 from adatracker_deploy.sim.process import FaultCommands
 from adatracker_deploy.sim.rehearsal import Rehearsal
+from adatracker_quadruped.protocol.command_decoder import STALE_S, Intake
 from adatracker_quadruped.protocol.connection import Connection
 from adatracker_quadruped.protocol.keys import Keys
 from adatracker_quadruped.protocol.messages import encode_compressed_image
 from adatracker_quadruped.protocol.publisher import Publisher
 from adatracker_quadruped.protocol.rehearsal_keys import ORDERED, Fault, SitlKeys, encode_stamped_truth
 from adatracker_quadruped.protocol.session import zenoh_config
-from adatracker_quadruped.sim.command_decoder import STALE_S, Intake
 from adatracker_quadruped.sim.dynamics import QuadrupedBody
 from adatracker_quadruped.sim.sensors import Senses
 from adatracker_quadruped.sim.settings import SitlSettings
@@ -202,16 +202,11 @@ class _Wire:
         live = session.liveliness()
         self.hosts = live.declare_subscriber(connection.host_token, latest(64), history=True)
         self._tokens = [
-            live.declare_token(key) for key in (sitl_keys.alive, sitl_keys.run, _token(connection)) if key
+            live.declare_token(key) for key in (sitl_keys.alive, sitl_keys.run, keys.robot_token) if key
         ]
         self.senses = Senses(session, connection, robot.sitl)
         self.images = Publisher(session, keys.camera, attaches=keys.attaches)
         self.truths = Publisher(session, sitl_keys.truth, attaches=False)
-
-
-def _token(connection: Connection) -> str:
-    """Return a key that the host's expression for the robot's token matches; empty where it watches none."""
-    return connection.robot_liveliness.replace("**", "sitl").replace("*", "sitl")
 
 
 def _fault(payload: bytes) -> Fault | None:
