@@ -62,6 +62,51 @@ def test_another_vehicle_on_the_same_link_is_left_alone(free_port):
         platform.connect()
 
 
+@pytest.mark.parametrize(
+    ("autopilot", "told"),
+    [
+        (
+            mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
+            "the autopilot is ArduPilot .* no stop and no check would",
+        ),
+        (mavlink.MAV_AUTOPILOT_GENERIC, "is not PX4 .*: it is left alone"),
+    ],
+)
+def test_an_autopilot_that_is_no_px4_is_refused_with_the_reason_and_asked_for_nothing(
+    free_port, autopilot, told
+):
+    platform = drone(f"udpin://127.0.0.1:{free_port}")
+    sender = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+    heartbeat = sender.heartbeat_encode(mavlink.MAV_TYPE_QUADROTOR, autopilot, 0, 0, 4).pack(sender)
+    parser, heard, over = mavlink.MAVLink(None), [], threading.Event()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
+        vehicle.settimeout(0.01)
+
+        def beat():
+            while not over.is_set():
+                vehicle.sendto(heartbeat, ("127.0.0.1", free_port))
+                with contextlib.suppress(OSError):
+                    heard.extend(parser.parse_buffer(vehicle.recv(2048)) or [])
+
+        beating = threading.Thread(target=beat)
+        beating.start()
+        try:
+            with pytest.raises(PlatformError, match=told):
+                platform.connect()
+        finally:
+            over.set()
+            beating.join()
+    asked = {message.command for message in heard if message.get_type() == "COMMAND_LONG"}
+    print(f"MAVSDK itself: {sorted({message.get_type() for message in heard})}, commands {sorted(asked)}")
+    assert not asked & {21, 22, 176, 400}  # land, take off, mode, arm
+    assert not [message for message in heard if message.get_type().startswith(("PARAM_SET", "SET_POS"))]
+
+
+def test_a_serial_port_that_is_not_there_is_named():
+    with pytest.raises(UsageError, match=r"serial:///dev/ttyNONE:921600' cannot be opened"):
+        drone("serial:///dev/ttyNONE:921600").connect()
+
+
 def test_bytes_that_are_no_mavlink_are_no_drone_and_no_harm(free_port):
     platform = drone(f"udpin://127.0.0.1:{free_port}")
     chaos = random.Random(1)

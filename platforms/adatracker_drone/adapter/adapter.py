@@ -34,11 +34,16 @@ from adatracker_drone.protocol.frames import NedPose
 from adatracker_drone.protocol.setpoints import body_velocity
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from adatracker_deploy.config.profile import Profile
     from adatracker_deploy.core.clock import Clock
+    from adatracker_drone.adapter.parameter_changes import Change
 
 _BATTERY_TIMEOUT_S = 10.0
 """An older battery charge is not reported; PX4 sends it five times a second."""
+_SAME = 1e-6
+"""Share by which a float32 differs from the number that was written."""
 _LIFTED_M = 0.2
 """Height below which a drone in take-off is still reported as standing."""
 
@@ -70,7 +75,7 @@ class DroneAdapter(Platform):
         Raises:
             UsageError: the URL is malformed, its port is taken, or the altitude band does not fit.
             PlatformError: another program on this machine drives it, no autopilot is heard within
-                `connect_timeout_s`, or it is not the one of `uid`.
+                `connect_timeout_s`, it is no PX4, or it is not the one of `uid`.
         """
         with self._turn:
             if self._flight is not None:
@@ -98,6 +103,11 @@ class DroneAdapter(Platform):
         while not (found := found or vehicle.discover()) or (wanted and not vehicle.heard.uid):
             now_ns = self.clock.now_ns()
             if self._closing or now_ns > deadline_ns:
+                if vehicle.is_px4 is False:
+                    raise PlatformError(
+                        f"the autopilot on {self._connection.url} is not PX4 (by its HEARTBEAT): "
+                        "it is left alone"
+                    )
                 ignored = f" ({vehicle.ignored})" if vehicle.ignored else ""
                 raise PlatformError(
                     f"no autopilot with system id {self._connection.system_id} heard on "
@@ -158,6 +168,38 @@ class DroneAdapter(Platform):
                 *failsafe_checks(parameters),
                 *envelope_checks(parameters, self.profile.limits),
             )
+
+    def parameters(self) -> Parameters:
+        """Return PX4's parameters that a preflight looks at.
+
+        Raises:
+            PlatformError: not connected.
+        """
+        with self._turn:
+            return Parameters.read(self._connected().vehicle.parameter)
+
+    def write_parameters(self, changes: Iterable[Change]) -> None:
+        """Write parameters and read each back; somebody must have agreed to them.
+
+        Raises:
+            PlatformError: the drone is armed, or did not take one; those before it are written.
+        """
+        with self._turn:
+            talk = self._connected().talk
+            vehicle = talk.vehicle
+            talk.wait(lambda: vehicle.heard.armed_t_ns > 0, self._connection.connect_timeout_s)
+            for change in changes:
+                if vehicle.heard.armed or not vehicle.heard.armed_t_ns:
+                    raise PlatformError(
+                        "parameters are not written while the drone is armed: disarm it first"
+                    )
+                vehicle.set_parameter(change.name, change.value, change.kind)
+                found = vehicle.parameter(change.name, change.kind)
+                if found is None or abs(found - change.value) > _SAME * max(1.0, abs(change.value)):
+                    told = "unknown" if found is None else f"{found:g}"
+                    raise PlatformError(
+                        f"{change.name} is {told} after {change.value:g} was written: use a ground station"
+                    )
 
     def engage(self) -> None:
         """Arm, climb and switch to OFFBOARD; or, in the air and in HOLD, only switch.

@@ -27,9 +27,9 @@ SAFE_LOSS_ACTIONS = (4, 5)
 """Actions that need neither a pilot nor a clear way home."""
 LONGEST_LOSS_S = 1.0
 """PX4's default of COM_OF_LOSS_T."""
-_STOPPING_FENCE_ACTIONS = (2, 3, 4, 5)
+STOPPING_FENCE_ACTIONS = (2, 3, 4, 5)
 """PX4's GF_ACTION: hold, return, terminate, land; 0 does nothing, 1 warns."""
-_OVERRIDE_IN_OFFBOARD = 2
+OVERRIDE_IN_OFFBOARD = 2
 """Bit of COM_RC_OVERRIDE: the pilot's sticks end OFFBOARD."""
 
 
@@ -144,9 +144,9 @@ def failsafe_checks(parameters: Parameters) -> tuple[Check, ...]:
         ),
         Check(
             "pilot override",
-            bool(sticks & _OVERRIDE_IN_OFFBOARD),
+            bool(sticks & OVERRIDE_IN_OFFBOARD),
             "the pilot's sticks end offboard"
-            if sticks & _OVERRIDE_IN_OFFBOARD
+            if sticks & OVERRIDE_IN_OFFBOARD
             else "the pilot's sticks do not end offboard, only the switch does; set COM_RC_OVERRIDE to 3",
             blocking=False,
         ),
@@ -171,7 +171,7 @@ def envelope_checks(parameters: Parameters, limits: Limits) -> tuple[Check, ...]
     top = parameters.GF_MAX_VER_DIST
     if off:
         message = f"{' and '.join(off)} are 0 (off): set a fence that fits the field"
-    elif parameters.GF_ACTION is None or int(parameters.GF_ACTION) not in _STOPPING_FENCE_ACTIONS:
+    elif parameters.GF_ACTION is None or int(parameters.GF_ACTION) not in STOPPING_FENCE_ACTIONS:
         action = "unknown" if parameters.GF_ACTION is None else f"{parameters.GF_ACTION:g}"
         message = f"GF_ACTION is {action}: nothing happens at the fence; set it to 2 (hold) or 5 (land)"
     elif top is not None and limits.altitude_m is not None and top < limits.altitude_m[1]:

@@ -19,7 +19,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import mavsdk
-from mavsdk import ComponentType, Configuration, ConnectionResult, Mavsdk, MavsdkError
+from mavsdk import Autopilot, ComponentType, Configuration, ConnectionResult, Mavsdk, MavsdkError
 from mavsdk.plugins.mavlink_direct import MavlinkDirect
 from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkMessage
 from mavsdk.plugins.param import Param
@@ -49,6 +49,10 @@ _log.addHandler(logging.NullHandler())
 _STATUS_RATE_HZ = 20.0
 """Requested rate of CURRENT_MODE and EXTENDED_SYS_STATE; a real PX4 then reported new modes after 8 to 63
 ms."""
+_ARDUPILOT = (
+    "the autopilot is ArduPilot (by its HEARTBEAT), no PX4: its modes, fail-safes and parameters are others: "
+    "no stop and no check would mean the same; fly PX4, or add a robot of your own (docs/add-a-robot.md)"
+)
 _OURS = "raw://"
 """MAVSDK's name for a connection whose bytes the application carries."""
 _ARMED = 128
@@ -92,6 +96,8 @@ class Vehicle:
 
     def __init__(self, connection: Connection, clock: Clock, on_mode: Callable[[str], None]) -> None:
         self.heard = VehicleState()
+        self.is_px4: bool | None = None
+        """None until an autopilot is heard."""
         self._clock = clock
         self._on_mode = on_mode
         self._system_id = connection.system_id
@@ -128,9 +134,19 @@ class Vehicle:
         return self._link.guard.ignored[Ignored.STRANGER] if self._link is not None else 0
 
     def discover(self) -> bool:
-        """Return whether this vehicle's autopilot has been heard, and from then on listen to it."""
+        """Return whether this vehicle's autopilot has been heard, and from then on listen to it.
+
+        Raises:
+            PlatformError: its HEARTBEAT says that it is ArduPilot; it is asked for nothing.
+        """
         for system in self._mavsdk.get_systems():
-            if system.get_system_id() == self._system_id and system.has_autopilot():
+            if system.get_system_id() != self._system_id or not system.has_autopilot():
+                continue
+            kind = system.autopilot_type()
+            if kind is Autopilot.ARDUPILOT:
+                raise PlatformError(_ARDUPILOT)
+            self.is_px4 = kind is Autopilot.PX4
+            if self.is_px4:  # for a moment MAVSDK takes every autopilot for a generic one
                 self._listen(system)
                 return True
         return False
@@ -168,6 +184,14 @@ class Vehicle:
         except MavsdkError as error:
             _log.debug("parameter %s: %s", name, error)
             return None
+
+    def set_parameter(self, name: str, value: float, kind: type[int] | type[float]) -> None:
+        """Write a parameter of PX4's; blocks until it is answered."""
+        with self._explained(f"set {name} to {value:g}"):
+            if kind is int:
+                self._param.set_param_int(name, int(value))
+            else:
+                self._param.set_param_float(name, value)
 
     def close(self) -> None:
         """Release the connection; leaves no thread behind."""
