@@ -8,7 +8,10 @@ import pytest
 from rich.console import Console
 
 from adatracker_deploy.cli.progress import Progress
+from adatracker_deploy.core.record import Latency
 from tests.trial.records import a_step
+
+NOT_ASKED = Latency(observation_age_ms=300, infer_ms=0, sensor_to_command_ms=300, lateness_ms=0.1)
 
 
 @pytest.mark.parametrize(
@@ -16,7 +19,8 @@ from tests.trial.records import a_step
     [
         ({}, "10/600", "target lost"),
         ({"box": None}, "target lost", "frame too old"),
-        ({"box": None, "stale": True}, "frame too old", "target lost"),
+        ({"box": None, "stale": True, "latency": NOT_ASKED}, "frame too old", "target lost"),
+        ({"box": None, "stale": True}, "answer too late", "target lost"),
     ],
 )
 def test_a_stale_step_is_not_shown_as_a_lost_one(changes, said, not_said):

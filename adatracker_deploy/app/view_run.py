@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import time
 from collections import Counter
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -84,7 +85,8 @@ class Viewer:
         if not self._counted:
             self._began_s, self._first_ns = began_s, frame.t_ns
         observation = perceive(frame, self._segmenter).observation
-        action = self._cadence.act(observation) if self._cadence is not None else None
+        shown = replace(observation, image=frame.rgb)
+        action = self._cadence.act(shown) if self._cadence is not None else None
         took_ms = (time.perf_counter() - began_s) * 1e3
         since_ns = frame.t_ns - self._first_ns
         when = f"age {(clock.now_ns() - frame.t_ns) / 1e6:.0f} ms" if clock else f"{since_ns / 1e9:.2f} s"
@@ -117,7 +119,7 @@ class Viewer:
         moves: dict[str, float] | None = None
         if action is not None:
             signed = zip(self._policy.info.action, map(float, action.values), strict=True)
-            moves = {entry.axis: value * entry.sign for entry, value in signed}
+            moves = {entry.axis: value * entry.sign for entry, value in signed if entry.unit == "limit"}
         sees = self._policy.picture(observation) if isinstance(self._policy, OnnxPolicy) else None
         return Drive(moves=moves, sees=sees)
 

@@ -146,15 +146,35 @@ class Observation:
     seq: int
     target: TargetState | None = None
     """None before a target is chosen, and in rehearsals, where the target is known."""
+    image: NDArray[np.uint8] | None = None
+    """The frame's picture, RGB of shape (H, W, 3); filled in by the loop, for policies that look at it."""
+    state: PlatformState | None = None
+    """What the robot reported last, likewise."""
 
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """A policy's output: `values` float32 in [-1, 1], with the order and signs of its `ActionSpec`."""
+    """A policy's output: `values`, float32, with the order, signs and units of its `ActionSpec`."""
 
     values: NDArray[np.float32]
     context: NDArray[np.float32] | None = None
     """The embodiment context z of shape (n,), where the policy has an encoder."""
+    answer: Answer | None = None
+    """How it came from another machine; None for policies in this process."""
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """An action's way through another machine; ms of the machine's time."""
+
+    t_ns: int
+    """Capture time of the picture that it answers, ns of the run's clock."""
+    queue_ms: float
+    """How long the observation waited here until it was sent."""
+    round_trip_ms: float
+    """From sending the observation until the answer was there."""
+    server_ms: float | None
+    """What inference took, as the server says."""
 
 
 @dataclass(frozen=True, slots=True)

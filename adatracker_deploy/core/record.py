@@ -39,6 +39,15 @@ class Latency:
     """What the robot's adapter took to send it."""
     sensor_to_wire_ms: float | None = None
     """From the frame's capture until the set-point was sent."""
+    answer_age_ms: float | None = None
+    """From the capture of the picture that the action answers to the start of the tick. It and the next three
+    are of policies on another machine alone, and of the answer that the tick acted on."""
+    queue_ms: float | None = None
+    """How long that picture's observation waited here to be sent: an earlier answer was awaited."""
+    round_trip_ms: float | None = None
+    """From sending it until its answer was there."""
+    server_ms: float | None = None
+    """What inference took, as the server says; the rest of the round trip is the network's."""
 
     @property
     def wait_ms(self) -> float | None:
@@ -65,12 +74,12 @@ class StepRecord:
     box: Box | None = None
     """The target's box, in fractions of the image; absent while the target is lost, and while stale."""
     stale: bool = False
-    """The newest observation was too old to act on: where the target was is not known, and zero was asked
-    for. Neither seen nor lost."""
+    """The newest observation was too old to act on, or the policy's answer to it: zero was asked for. Neither
+    seen nor lost."""
     confidence: float
     """Perception's confidence in the target, 0 to 1."""
     action: tuple[float, ...]
-    """What the policy answered, in [-1, 1]; empty when the observation was too old to act on."""
+    """What the policy answered, in [-1, 1] or in the units of its contract; empty in a stale tick."""
     context: tuple[float, ...]
     """The embodiment context z; empty without an encoder."""
     command: Twist

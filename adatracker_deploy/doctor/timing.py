@@ -15,7 +15,8 @@ from adatracker_deploy.core.messages import Frame, Observation
 from adatracker_deploy.doctor.machine import LOG_BYTES_PER_S, stolen_s
 from adatracker_deploy.perception.drawing import MASK_SIZE
 from adatracker_deploy.platform import Check
-from adatracker_deploy.runtime.loop import MISSED_IN_A_ROW, STALE_OBSERVATION_S
+from adatracker_deploy.policy.base import STALE_OBSERVATION_S
+from adatracker_deploy.runtime.loop import MISSED_IN_A_ROW
 from adatracker_deploy.runtime.pacer import Pacer
 
 if TYPE_CHECKING:
@@ -183,7 +184,8 @@ def camera_check(rate_hz: float, shape: tuple[int, int], policy_hz: float) -> Ch
 
 
 def _nothing(clock: Clock) -> Observation:
-    return Observation(np.zeros((MASK_SIZE, MASK_SIZE), np.uint8), None, 0.0, clock.now_ns(), 0)
+    mask, image = np.zeros((MASK_SIZE, MASK_SIZE), np.uint8), np.zeros((*PICTURE, 3), np.uint8)
+    return Observation(mask, None, 0.0, clock.now_ns(), 0, image=image)
 
 
 def _timed(what: Callable[[], object], times: int) -> tuple[float, ...]:

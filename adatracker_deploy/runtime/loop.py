@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
 
@@ -9,7 +10,7 @@ from adatracker_deploy.config.limits import Limits
 from adatracker_deploy.core.messages import ZERO, Twist
 from adatracker_deploy.core.record import Latency, Outcome, StepRecord
 from adatracker_deploy.core.task import MAX_LOST_STEPS, target_visible
-from adatracker_deploy.policy.base import Policy, to_twist
+from adatracker_deploy.policy.base import STALE_OBSERVATION_S, NoAnswer, Policy, to_twist
 from adatracker_deploy.runtime.link import LinkStatus, Phase
 from adatracker_deploy.runtime.pacer import Pacer, Tick
 from adatracker_deploy.runtime.phase import WAIT, earlier_s
@@ -21,21 +22,16 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from adatracker_deploy.core.clock import Clock
-    from adatracker_deploy.core.messages import Action, Seen
+    from adatracker_deploy.core.messages import Action, Answer, Seen
     from adatracker_deploy.runtime.trace import Handed
 
-STALE_OBSERVATION_S = 0.22
-"""An older observation is not acted on: zero is sent, and the step is stale. Machine time.
-
-The robot then brakes as smoothly as it drives, until the gate, which knows when the frame was taken, makes
-it zero at once (`Limits.sight_timeout_s`). A segmenter that takes 0.1 s can still be followed."""
 MISSED_IN_A_ROW = 3
 """So many slots missed in a row end the trial, at any rate of the policy; counted in machine time.
 
 At 20 Hz no command has then come for 0.2 s, by when the gate sends zero: the robot has begun to stop
 for want of commands, and what has begun to stop does not go on by itself."""
 BLIND_S = 2.0
-"""Without an observation fresh enough to act on for this long the trial ends. Machine time."""
+"""Without an observation and an answer fresh enough to act on for this long the trial ends. Machine time."""
 
 
 class Commands(Protocol):
@@ -87,7 +83,7 @@ class Loop:
         finally:
             self._write(trace.settled(self.link.status(), patience=0))
 
-    def _follow(self, steps: int, trace: Trace) -> Ending:
+    def _follow(self, steps: int, trace: Trace) -> Ending:  # noqa: PLR0911 -- each way to end is one
         pacer, period_s = Pacer(self.clock, self.policy.info.rate_hz), 1.0 / self.policy.info.rate_hz
         unseen, fresh_ns = Unseen(), self.clock.now_ns()
         for step in range(steps + 1):
@@ -104,10 +100,12 @@ class Loop:
             if ending := self._blind(tick, seen, fresh_ns):
                 return ending
             pacer.shift(earlier_s(seen, slot_ns, period_s))
-            action, infer_ms = self._act(tick, seen)
+            action, infer_ms = self._act(tick, seen, status)
             command = to_twist(action.values, self.policy.info.action, self.limits) if action else ZERO
             box = seen.observation.box if action else None
-            self.link.send(command, tick.t_ns, box.area if box else None, seen.frame.t_ns)
+            answered = action.answer if action else None
+            seen_ns = answered.t_ns if answered else seen.frame.t_ns
+            self.link.send(command, tick.t_ns, box.area if box else None, seen_ns)
             handed_ns = self.clock.now_ns()
             record = _record(
                 step=step,
@@ -116,7 +114,7 @@ class Loop:
                 status=status,
                 action=action,
                 command=command,
-                latency=_latency(tick, seen, infer_ms, handed_ns),
+                latency=_latency(tick, seen, infer_ms, handed_ns, answered),
                 missed_deadlines=pacer.missed,
             )
             trace.hand_over(record, seen, handed_ns)
@@ -124,6 +122,8 @@ class Loop:
             if action:
                 fresh_ns = tick.t_ns
                 unseen.add(seen)
+            elif ending := self._unanswered(tick, fresh_ns):
+                return ending
             if ending := _result(unseen, seen):
                 return ending
         return Ending("completed")
@@ -145,7 +145,7 @@ class Loop:
 
     def _blind(self, tick: Tick, seen: Seen, fresh_ns: int) -> Ending | None:
         """Say why what is seen is too old to go on; the last frame that was acted on was at `fresh_ns`."""
-        age_s = self._age_s(tick, seen)
+        age_s = self._age_s(tick, seen.frame.t_ns)
         if age_s > BLIND_S:
             return Ending("safety_stop", f"no new camera frame for {age_s:.1f} s")
         late_s = (tick.t_ns - fresh_ns) / 1e9 / self.clock.speed
@@ -157,22 +157,34 @@ class Loop:
             )
         return None
 
+    def _unanswered(self, tick: Tick, fresh_ns: int) -> Ending | None:
+        """Say that the policy has been late for too long; what is seen was judged before."""
+        late_s = (tick.t_ns - fresh_ns) / 1e9 / self.clock.speed
+        if late_s <= BLIND_S:
+            return None
+        return Ending("safety_stop", f"the policy is late: for {late_s:.1f} s there was no answer to act on")
+
     @property
     def _patience(self) -> float:
         """As many slots as the machine may miss in a row."""
         return MISSED_IN_A_ROW * self.clock.speed
 
-    def _act(self, tick: Tick, seen: Seen) -> tuple[Action | None, float]:
-        """Ask the policy; return its action, or None on a stale observation, and the ms it took."""
-        if self._age_s(tick, seen) > STALE_OBSERVATION_S:
+    def _act(self, tick: Tick, seen: Seen, status: LinkStatus) -> tuple[Action | None, float]:
+        """Ask the policy; return its action, None without a fresh answer or sight, and the ms it took."""
+        if self._age_s(tick, seen.frame.t_ns) > STALE_OBSERVATION_S:
             return None, 0.0
-        began_ns = self.clock.now_ns()
-        action = self.policy.act(seen.observation)
-        return action, (self.clock.now_ns() - began_ns) / 1e6
+        began_ns, action = self.clock.now_ns(), None
+        with contextlib.suppress(NoAnswer):
+            whole = replace(seen.observation, image=seen.frame.rgb, state=status.state)
+            action = self.policy.act(whole)
+        took_ms = (self.clock.now_ns() - began_ns) / 1e6
+        if action and action.answer and self._age_s(tick, action.answer.t_ns) > STALE_OBSERVATION_S:
+            action = None
+        return action, took_ms
 
-    def _age_s(self, tick: Tick, seen: Seen) -> float:
-        """Age of the observation in machine time: a stall is a stall however fast the rehearsal."""
-        return (tick.t_ns - seen.frame.t_ns) / 1e9 / self.clock.speed
+    def _age_s(self, tick: Tick, taken_ns: int) -> float:
+        """Age of a picture in machine time: a stall is a stall however fast the rehearsal."""
+        return (tick.t_ns - taken_ns) / 1e9 / self.clock.speed
 
 
 def _result(unseen: Unseen, seen: Seen) -> Ending | None:
@@ -184,7 +196,7 @@ def _result(unseen: Unseen, seen: Seen) -> Ending | None:
     return None
 
 
-def _latency(tick: Tick, seen: Seen, infer_ms: float, handed_ns: int) -> Latency:
+def _latency(tick: Tick, seen: Seen, infer_ms: float, handed_ns: int, answered: Answer | None) -> Latency:
     """Say where this tick's time went, up to the set-point in the link's hands."""
     capture_ms = perceive_ms = None
     if seen.taken_ns is not None and seen.ready_ns is not None:
@@ -197,6 +209,10 @@ def _latency(tick: Tick, seen: Seen, infer_ms: float, handed_ns: int) -> Latency
         lateness_ms=tick.lateness_s * 1e3,
         capture_ms=capture_ms,
         perceive_ms=perceive_ms,
+        answer_age_ms=(tick.t_ns - answered.t_ns) / 1e6 if answered else None,
+        queue_ms=answered.queue_ms if answered else None,
+        round_trip_ms=answered.round_trip_ms if answered else None,
+        server_ms=answered.server_ms if answered else None,
     )
 
 
@@ -211,7 +227,7 @@ def _record(
     latency: Latency,
     missed_deadlines: int,
 ) -> StepRecord:
-    """Put one tick down as it is before the link has acted; without an action the observation was stale."""
+    """Put one tick down as it is before the link has acted; without an action it was stale."""
     observation, truth, state = seen.observation, seen.frame.truth, status.state
     sight = seen.sight
     return StepRecord(

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.runtime.loop import STALE_OBSERVATION_S
+from adatracker_deploy.policy.base import STALE_OBSERVATION_S
 
 if TYPE_CHECKING:
     from adatracker_deploy.core.messages import Action, Observation

@@ -16,7 +16,7 @@ import pytest
 
 from adatracker_deploy.core.messages import ZERO, Frame
 from adatracker_deploy.perception.mjpeg_server import MjpegServer
-from adatracker_deploy.runtime.loop import STALE_OBSERVATION_S
+from adatracker_deploy.policy.base import STALE_OBSERVATION_S
 from adatracker_deploy.trial.reader import read_trial
 
 from .conftest import COMMAND, started

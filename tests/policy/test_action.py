@@ -28,3 +28,10 @@ def test_each_number_is_a_share_with_the_sign_of_its_axis():
 def test_what_is_not_finite_is_no_wish_for_full_speed(value):
     assert not twist(value, 0.0).is_finite()
     assert not twist(0.0, value).is_finite()
+
+
+def test_a_velocity_is_itself_whatever_the_limits_and_no_more_than_them():
+    spec = (ActionAxis(axis="forward", unit="si"), ActionAxis(axis="yaw", sign=-1, unit="si"))
+    assert twist(0.75, 0.25, spec=spec) == Twist(0.75, yaw_rate=-0.25)
+    assert twist(3.0, -9.0, spec=spec) == Twist(2.0, yaw_rate=0.5)
+    assert not twist(math.nan, 0.0, spec=spec).is_finite()

@@ -16,6 +16,7 @@ from adatracker_deploy.core.geometry import Pose
 from adatracker_deploy.core.messages import (
     ZERO,
     Action,
+    Answer,
     Box,
     Frame,
     Observation,
@@ -24,9 +25,9 @@ from adatracker_deploy.core.messages import (
     Truth,
     Twist,
 )
-from adatracker_deploy.policy.base import FORWARD_YAW, PolicyInfo
+from adatracker_deploy.policy.base import FORWARD_YAW, STALE_OBSERVATION_S, NoAnswer, PolicyInfo
 from adatracker_deploy.runtime.link import Acted, LinkStatus, Phase
-from adatracker_deploy.runtime.loop import BLIND_S, MISSED_IN_A_ROW, STALE_OBSERVATION_S, Ending, Loop
+from adatracker_deploy.runtime.loop import BLIND_S, MISSED_IN_A_ROW, Ending, Loop
 from adatracker_deploy.runtime.phase import WAIT
 
 LIMITS = Limits(forward_m_s=2.0, backward_m_s=1.0, yaw_rate_rad_s=1.0, accel_m_s2=2.0, yaw_accel_rad_s2=4.0)
@@ -61,6 +62,11 @@ class Rehearsal:
     sight_ages_s: list[float] = field(default_factory=list)
     records: list = field(default_factory=list)
     asked: int = 0
+    shown: list = field(default_factory=list)
+    silent: bool = False
+    """The policy is on another machine, and has not answered yet."""
+    answer_behind_s: float | None = None
+    """The policy is on another machine, its newest answer to a picture so much older than the newest."""
     info: PolicyInfo = INFO
 
     def observe(self, patience_s):
@@ -78,8 +84,15 @@ class Rehearsal:
 
     def act(self, observation):
         self.asked += 1
+        self.shown.append(observation)
         self.clock.advance(self.stall_s)
-        return Action(np.array([0.5, -0.5], np.float32))
+        if self.silent:
+            raise NoAnswer
+        answer = None
+        if self.answer_behind_s is not None:
+            t_ns = observation.t_ns - round(self.answer_behind_s * 1e9)
+            answer = Answer(t_ns, queue_ms=1.0, round_trip_ms=9.0, server_ms=5.0)
+        return Action(np.array([0.5, -0.5], np.float32), answer=answer)
 
     def reset(self, seed=0): ...
 
@@ -137,6 +150,47 @@ def test_a_stale_observation_is_not_acted_on_and_is_neither_seen_nor_lost():
     assert rehearsal.shares[9:13] == [pytest.approx(0.12), None, None, pytest.approx(0.12)]
     assert rehearsal.asked == STEPS + 1 - 2
     assert rehearsal.sight_ages_s[9:13] == pytest.approx([0.02, 0.23, 0.23, 0.02])  # which the gate is told
+
+
+def test_a_policy_is_shown_the_picture_and_what_the_robot_reports():
+    rehearsal = Rehearsal()
+    rehearsal.run()
+    assert all(shown.image is RGB and shown.state is FLYING.state for shown in rehearsal.shown)
+
+
+def test_without_an_answer_zero_is_asked_for_and_neither_seen_nor_lost():
+    rehearsal = Rehearsal(at={10: {"silent": True}, 12: {"silent": False}})
+    assert rehearsal.run().outcome == "completed"
+    moving = Twist(1.0, yaw_rate=-0.5)
+    assert rehearsal.commands[9:13] == [moving, ZERO, ZERO, moving]
+    assert [record.stale for record in rehearsal.records[9:13]] == [False, True, True, False]
+    assert [record.action for record in rehearsal.records[10:12]] == [(), ()]
+
+
+def test_an_answer_to_an_older_picture_is_acted_on_at_that_pictures_age():
+    """0.02 s old, and 0.1 s behind: loop and gate judge 0.12 s."""
+    rehearsal = Rehearsal(at={10: {"answer_behind_s": 0.1}, 20: {"answer_behind_s": STALE_OBSERVATION_S}})
+    rehearsal.run()
+    assert rehearsal.sight_ages_s[9:12] == pytest.approx([0.02, 0.12, 0.12])
+    latency = rehearsal.records[10].latency
+    assert latency.answer_age_ms == pytest.approx(120)
+    assert (latency.queue_ms, latency.round_trip_ms, latency.server_ms) == (1.0, 9.0, 5.0)
+    assert rehearsal.records[9].latency.round_trip_ms is None
+    assert set(rehearsal.commands[10:20]) == {Twist(1.0, yaw_rate=-0.5)}
+    assert set(rehearsal.commands[20:]) == {ZERO}  # 0.24 s, though the newest picture is fresh
+    assert rehearsal.records[20].stale
+
+
+@pytest.mark.parametrize("change", [{"silent": True}, {"answer_behind_s": 0.3}])
+def test_a_policy_that_is_late_for_two_seconds_ends_the_trial(change):
+    rehearsal = Rehearsal(at={10: change})
+    ending = rehearsal.run()
+    assert (ending.outcome, ending.reason) == (
+        "safety_stop",
+        "the policy is late: for 2.0 s there was no answer to act on",
+    )
+    assert set(rehearsal.commands[10:]) == {ZERO}
+    assert (rehearsal.records[-1].t_ns - rehearsal.records[9].t_ns) / 1e9 == pytest.approx(2.05)
 
 
 @pytest.mark.parametrize(
