@@ -24,6 +24,7 @@ from adatracker_deploy.core.messages import ZERO, Seen
 from adatracker_deploy.core.record import RESULTS
 from adatracker_deploy.core.task import FIRST_SIGHT_S
 from adatracker_deploy.perception.pipeline import Perception, refuse_hung
+from adatracker_deploy.policy.remote import RemotePolicy
 from adatracker_deploy.runtime.black_box import FILE_NAME
 from adatracker_deploy.runtime.dry_run import DryRun
 from adatracker_deploy.runtime.engagement import Engagement
@@ -109,7 +110,7 @@ def run_trial(
 
     Raises:
         UsageError: a port is taken, a folder cannot be written, an extra is missing; nothing has moved.
-        PlatformError: the robot does not answer or is not ready; nothing has moved.
+        PlatformError: the robot or the policy's server does not answer or is not ready; nothing has moved.
     """
     with contextlib.ExitStack() as stack:
         summary = _Trial(plan, progress, started_s, stop or StopRequest(), stack).run()
@@ -141,7 +142,7 @@ class _Trial:
     def run(self) -> dict[str, Any]:
         plan = self.plan
         profile = plan.profile
-        refuse_hung(plan.segmenter)
+        _check_parts(plan)
         if plan.sitl:
             self.progress.phase(f"starting the simulated {plan.platform.name}")
             simulator = self.stack.enter_context(plan.simulator or plan.platform.sitl(profile))
@@ -355,6 +356,7 @@ class _Trial:
         return {
             "profile": asdict(replace(profile, camera=replace(profile.camera, uri=shown))),
             "policy_sha256": dict(plan.policy.info.sha256),
+            "policy_server": plan.policy.info.server,
             "gate_switched_off": list(profile.limits.switched_off),
             **asdict(plan.scenario),
             "camera": shown,
@@ -365,6 +367,13 @@ class _Trial:
             "realtime": plan.scheduling.realtime,
             "cpus": sorted(plan.scheduling.cpus),
         }
+
+
+def _check_parts(plan: TrialPlan) -> None:
+    """Check what an earlier trial with the same parts may have left behind."""
+    refuse_hung(plan.segmenter)
+    if isinstance(plan.policy, RemotePolicy):
+        plan.policy.check()
 
 
 def _clock(plan: TrialPlan, stack: contextlib.ExitStack) -> MonotonicClock:

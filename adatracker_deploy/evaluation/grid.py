@@ -13,6 +13,7 @@ from adatracker_deploy.learning.seeds import FIRST_EVALUATION
 from adatracker_deploy.perception.segmenters import TRUTH
 from adatracker_deploy.policy.catalogue import load_policy
 from adatracker_deploy.policy.onnx_policy import OnnxPolicy
+from adatracker_deploy.policy.remote import RemotePolicy
 from adatracker_deploy.sim import check_scene
 
 PAPER_SCENE, PAPER_STEPS = "simple_room", 500
@@ -118,7 +119,7 @@ def policy_labels(policies: tuple[str, ...]) -> dict[str, str]:
 def _checked_name(policy: str) -> str:
     loaded = load_policy(policy)
     # A network has learnt what one step brings about; the PID reads the time and takes any rate.
-    if isinstance(loaded, OnnxPolicy) and loaded.info.rate_hz != RATE_HZ:
+    if isinstance(loaded, OnnxPolicy | RemotePolicy) and loaded.info.rate_hz != RATE_HZ:
         raise UsageError(
             f"policy {policy!r} was trained at {loaded.info.rate_hz:g} Hz; episodes here have {RATE_HZ:g} Hz"
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,16 +12,30 @@ if TYPE_CHECKING:
     from adatracker_deploy.policy.base import Policy
 
 PID = "pid"
+TOKEN = "ADATRACKER_POLICY_TOKEN"
+"""The environment variable with the token that a remote policy's server wants."""
 DEFAULT = "adatracker"
 """Used when none is named: the shipped bundle, whose model card tells what it scores."""
 
 
-def load_policy(name_or_dir: str) -> Policy:
+PATIENCE_S = 10.0
+"""How long evaluations wait for an answer from another machine."""
+
+
+def is_remote(name_or_dir: str) -> bool:
+    """Return whether this is the address of a policy on another machine."""
+    return name_or_dir.startswith(("ws://", "wss://"))
+
+
+def load_policy(name_or_dir: str, *, prompt: str = "", patience_s: float | None = PATIENCE_S) -> Policy:
     """Load a policy, ready for its first episode.
 
     Args:
-        name_or_dir: `pid`, the name of a shipped bundle, or a bundle's folder: anything with a slash, or a
-            folder that exists.
+        name_or_dir: `pid`, the name of a shipped bundle, a bundle's folder (anything with a slash, or a
+            folder that exists), or ``ws://HOST:PORT`` or ``wss://HOST:PORT`` of a server.
+        prompt: what a policy on another machine is told to do.
+        patience_s: how long to wait for each answer from another machine; None for a robot's loop, which
+            waits for half a period (`RemotePolicy`).
 
     Raises:
         UsageError: there is no such policy, or its bundle is refused.
@@ -29,6 +44,11 @@ def load_policy(name_or_dir: str) -> Policy:
         from adatracker_deploy.policy.pid import PidPolicy
 
         return PidPolicy()
+    if is_remote(name_or_dir):
+        from adatracker_deploy.policy.remote import RemotePolicy
+
+        token = os.environ.get(TOKEN, "")
+        return RemotePolicy(name_or_dir, token=token, prompt=prompt, patience_s=patience_s)
     folder = _shipped().get(name_or_dir, Path(name_or_dir))
     if "/" not in name_or_dir and not folder.is_dir():
         known = ", ".join([PID, *_shipped()])
