@@ -22,7 +22,7 @@ from adatracker_deploy.report.charts import (
 from adatracker_deploy.report.columns import Interval
 from adatracker_deploy.report.markup import Html, tag
 from adatracker_deploy.report.page import figure, section, shortened, table
-from adatracker_deploy.scoring.stages import STAGES
+from adatracker_deploy.scoring.stages import FAR_STAGES, STAGES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -222,10 +222,10 @@ def _latency(cols: Columns, report: Report) -> Html:
 
 def _stages(report: Report) -> Html | None:
     """Return what each stage took; nothing of logs from before it was measured."""
-    stages = report.summary["stages_ms"]
+    stages = report.summary["stages_ms"] | report.summary["far_ms"]
     rows = [
         (stage.replace("_", " "), words, *(figure(found, 1) for found in stages[stage].values()))
-        for stage, words in STAGES.items()
+        for stage, words in (STAGES | FAR_STAGES).items()
         if stages[stage]["p50"] is not None
     ]
     return table(("stage", "what, in ms", "p50", "p99", "max"), rows) if len(rows) > 1 else None

@@ -15,7 +15,7 @@ import numpy as np
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.core.mask_png import PALETTE
 from adatracker_deploy.core.messages import MaskClass, Twist
-from adatracker_deploy.scoring.stages import STAGES
+from adatracker_deploy.scoring.stages import FAR_STAGES, STAGES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -88,7 +88,7 @@ def _numbers(step: StepRecord) -> Mapping[str, float | None]:
         **{f"{name}/{axis}": getattr(twist, axis) for name, twist in twists if twist for axis in _AXES},
         **{f"action/{place}": value for place, value in enumerate(step.action)},
         **{f"context/{place:02}": value for place, value in enumerate(step.context)},
-        **{f"latency_ms/{stage}": getattr(latency, f"{stage}_ms") for stage in STAGES},
+        **{f"latency_ms/{stage}": getattr(latency, f"{stage}_ms") for stage in (*STAGES, *FAR_STAGES)},
         "latency_ms/lateness": latency.lateness_ms,
         "target/confidence": step.confidence,
         "truth/distance_m": step.distance_m,

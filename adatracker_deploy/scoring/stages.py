@@ -25,6 +25,14 @@ STAGES = {
 }
 """What each stage is, in the order of the way; names are the fields of `Latency` without their unit."""
 
+FAR_STAGES = {
+    "queue": "until the observation is sent",
+    "round_trip": "until the server's answer is there",
+    "server": "of that, inference, as the server says",
+    "answer_age": "age of the picture that is acted on, as the tick begins",
+}
+"""Likewise, of policies on another machine."""
+
 
 class LatencyPercentiles:
     """The percentiles of some fields of `Latency`, by their names without the unit, as ticks come.

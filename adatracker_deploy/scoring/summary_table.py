@@ -12,7 +12,7 @@ from rich.text import Text
 
 from adatracker_deploy.core.sight import Verdict
 from adatracker_deploy.scoring.fitting import FittingTable
-from adatracker_deploy.scoring.stages import STAGES
+from adatracker_deploy.scoring.stages import FAR_STAGES, STAGES
 from adatracker_deploy.scoring.summary import by_method, statistics_of
 
 if TYPE_CHECKING:
@@ -35,6 +35,9 @@ def stage_table(summaries: Sequence[Summary]) -> Table:
         table.add_column(column, justify="right")
     for stage, words in STAGES.items():
         _add(table, stage.replace("_", " "), words, [row["stages_ms"][stage] for row in summaries])
+    far = [row["far_ms"] for row in summaries if row["far_ms"]["round_trip"]["p50"] is not None]
+    for stage, words in FAR_STAGES.items() if far else ():
+        _add(table, stage.replace("_", " "), words, [found[stage] for found in far])
     _add(table, "sensor to command", "from capture to the link", [row["latency_ms"] for row in summaries])
     _add(table, "lateness", "of the loop's ticks", [row["lateness_ms"] for row in summaries])
     return table

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from adatracker_deploy.scoring.metrics import DEFAULT_RULES, Rules, Scorer
 from adatracker_deploy.scoring.sights import SightTally
-from adatracker_deploy.scoring.stages import STAGES, LatencyPercentiles
+from adatracker_deploy.scoring.stages import FAR_STAGES, STAGES, LatencyPercentiles
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -32,7 +32,7 @@ class Tally:
     def __init__(self, steps: Iterable[StepRecord | ScoredStep] = (), rules: Rules = DEFAULT_RULES) -> None:
         self._scorer = Scorer(rules)
         self._sights = SightTally()
-        self._latencies = LatencyPercentiles(("sensor_to_command", "lateness", *STAGES))
+        self._latencies = LatencyPercentiles(("sensor_to_command", "lateness", *STAGES, *FAR_STAGES))
         self._first_step, self._first_ns = 0, 0
         self._last_step, self._last_ns = 0, 0
         self._missed_deadlines = 0
@@ -78,8 +78,9 @@ class Tally:
             stop_s: from the stop to standstill; None where the robot was not moving.
             trial: its folder.
 
-        `stale` is the share of ticks whose newest frame was too old to act on. `timing_kept` is false where
-        more than `TIMING_TOLERANCE` of the slots were missed or stale: such a trial says little of the
+        `stale` is the share of ticks whose newest frame, or whose policy's answer, was too old to act on.
+        `far_ms` is of policies on another machine. `timing_kept` is false where more than
+        `TIMING_TOLERANCE` of the slots were missed or stale: such a trial says little of the
         policy, and is not `counted` in means (`score --all` counts it). `sight` is what the eyes were worth,
         see `SightTally.summary`.
         Where the rules end the trial sooner than it ended, it was lost.
@@ -105,6 +106,7 @@ class Tally:
             "seconds": seconds,
             "latency_ms": found["sensor_to_command"],
             "stages_ms": {stage: found[stage] for stage in STAGES},
+            "far_ms": {stage: found[stage] for stage in FAR_STAGES},
             "lateness_ms": found["lateness"],
             "missed_deadlines": self._missed_deadlines,
             "stop_s": stop_s,
