@@ -36,7 +36,9 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument("--platform", metavar="NAME", help="connect to this robot and ask it")
     parser.add_argument("--profile", metavar="NAME|FILE", help="(default: the platform's own)")
     parser.add_argument("--sitl", action="store_true", help="ask a simulated robot")
-    parser.add_argument("--policy", metavar="NAME|DIR", default="adatracker", help="(default: %(default)s)")
+    parser.add_argument(
+        "--policy", metavar="NAME|DIR|URI", default="adatracker", help="(default: %(default)s)"
+    )
     parser.add_argument("--camera", metavar="URI", help="(default: the profile's, where a robot is asked)")
     add_segmenter_options(parser, default="embedded")
     parser.add_argument("--log-dir", type=Path, default=Path("trials"), help="default: %(default)s")

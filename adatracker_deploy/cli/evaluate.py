@@ -31,7 +31,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     )
     parser.add_argument(
         "--policy",
-        metavar="NAME|DIR",
+        metavar="NAME|DIR|URI",
         action="append",
         help=f"give several to compare them (default: {DEFAULT})",
     )

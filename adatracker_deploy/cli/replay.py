@@ -27,7 +27,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     )
     parser.add_argument("trial", metavar="TRIAL", type=Path, help="a trial's folder, or its trial.mcap")
     parser.add_argument(
-        "--policy", metavar="NAME|DIR", help="ask this one (default: the one that the log names)"
+        "--policy", metavar="NAME|DIR|URI", help="ask this one (default: the one that the log names)"
     )
     parser.add_argument(
         "--profile",

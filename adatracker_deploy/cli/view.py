@@ -36,7 +36,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument("camera", metavar="FILE|CAMERA", help="a video file, or anything --camera takes")
     add_segmenter_options(parser, default="embedded")
     parser.add_argument(
-        "--policy", metavar="NAME|DIR", default=DEFAULT, help="or 'none' (default: %(default)s)"
+        "--policy", metavar="NAME|DIR|URI", default=DEFAULT, help="or 'none' (default: %(default)s)"
     )
     parser.add_argument("--write", metavar="FILE.mp4", type=Path, help="leave what is shown as a film")
     parser.add_argument("--port", metavar="N", type=_port, help="of the page to watch (default: any free)")

@@ -86,6 +86,7 @@ class Loop:
     def _follow(self, steps: int, trace: Trace) -> Ending:  # noqa: PLR0911 -- each way to end is one
         pacer, period_s = Pacer(self.clock, self.policy.info.rate_hz), 1.0 / self.policy.info.rate_hz
         unseen, fresh_ns = Unseen(), self.clock.now_ns()
+        acted_on_ns = fresh_ns  # when the picture was taken that was last acted on
         for step in range(steps + 1):
             tick = pacer.wait(self._patience)
             status = self.link.status()
@@ -100,11 +101,13 @@ class Loop:
             if ending := self._blind(tick, seen, fresh_ns):
                 return ending
             pacer.shift(earlier_s(seen, slot_ns, period_s))
-            action, infer_ms = self._act(tick, seen, status)
+            stale = self._age_s(tick, seen.frame.t_ns) > STALE_OBSERVATION_S
+            action, infer_ms = (None, 0.0) if stale else self._act(tick, seen, status)
+            if action:
+                acted_on_ns = action.answer.t_ns if action.answer else seen.frame.t_ns
             command = to_twist(action.values, self.policy.info.action, self.limits) if action else ZERO
             box = seen.observation.box if action else None
-            answered = action.answer if action else None
-            seen_ns = answered.t_ns if answered else seen.frame.t_ns
+            seen_ns = seen.frame.t_ns if stale else acted_on_ns  # a late policy is as blind as a late camera
             self.link.send(command, tick.t_ns, box.area if box else None, seen_ns)
             handed_ns = self.clock.now_ns()
             record = _record(
@@ -114,7 +117,7 @@ class Loop:
                 status=status,
                 action=action,
                 command=command,
-                latency=_latency(tick, seen, infer_ms, handed_ns, answered),
+                latency=_latency(tick, seen, infer_ms, handed_ns, action.answer if action else None),
                 missed_deadlines=pacer.missed,
             )
             trace.hand_over(record, seen, handed_ns)
@@ -170,9 +173,7 @@ class Loop:
         return MISSED_IN_A_ROW * self.clock.speed
 
     def _act(self, tick: Tick, seen: Seen, status: LinkStatus) -> tuple[Action | None, float]:
-        """Ask the policy; return its action, None without a fresh answer or sight, and the ms it took."""
-        if self._age_s(tick, seen.frame.t_ns) > STALE_OBSERVATION_S:
-            return None, 0.0
+        """Ask the policy; return its action, None without a fresh answer, and the ms it took."""
         began_ns, action = self.clock.now_ns(), None
         with contextlib.suppress(NoAnswer):
             whole = replace(seen.observation, image=seen.frame.rgb, state=status.state)

@@ -18,6 +18,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.policy.servers import serving
+
 from .conftest import started
 from .ground_robots import ROBOTS
 
@@ -85,6 +87,17 @@ def test_after_an_unexpected_error_it_stands(drive, robot, measured):
 def test_a_tracker_that_dies(drive, robot, measured):
     run = drive("--steps", "2000")
     strike(measured, robot, "tracker, SIGKILL", lambda: os.kill(run.pid, signal.SIGKILL), ROBOTS_OWN_S)
+
+
+def test_its_policys_server_is_killed(drive, robot, measured):
+    with serving() as (server, uri):
+        run = drive("--steps", "2000", "--json", "--policy", uri)
+        strike(measured, robot, "policy's server, kill -9", server.kill, TOLD_S)
+        status, summary, err = run.end()
+    assert (status, summary["outcome"]) == (1, "system_fault")
+    assert f"policy {uri}: the server is gone" in summary["reason"]
+    assert summary["far_ms"]["round_trip"]["p50"] > summary["far_ms"]["server"]["p50"] > 0
+    assert "round trip" in err  # in the table
 
 
 def test_an_unplugged_cable(drive, robot, measured):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import subprocess
+import sys
 import threading
 
 import numpy as np
@@ -82,6 +84,18 @@ def asking(uri, **how):
     """A policy at that address, closed at the end."""
     with contextlib.closing(RemotePolicy(uri, **how)) as remote:
         yield remote
+
+
+@contextlib.contextmanager
+def serving(policy="pid"):
+    """The command in a process of its own; give it and its address."""
+    command = [sys.executable, "-m", "adatracker_deploy", "serve", "--policy", policy, "--port", "0"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    try:
+        yield process, process.stdout.readline().strip()
+    finally:
+        process.kill()
+        process.communicate()
 
 
 def seen(seq, t_ns=None):

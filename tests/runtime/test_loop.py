@@ -165,6 +165,7 @@ def test_without_an_answer_zero_is_asked_for_and_neither_seen_nor_lost():
     assert rehearsal.commands[9:13] == [moving, ZERO, ZERO, moving]
     assert [record.stale for record in rehearsal.records[9:13]] == [False, True, True, False]
     assert [record.action for record in rehearsal.records[10:12]] == [(), ()]
+    assert rehearsal.sight_ages_s[9:13] == pytest.approx([0.02, 0.07, 0.12, 0.02])  # the gate goes blind, too
 
 
 def test_an_answer_to_an_older_picture_is_acted_on_at_that_pictures_age():
