@@ -74,6 +74,7 @@ def served(
             port,
             ssl=None if certificate is None else _tls(certificate, key),
             process_request=checked,
+            origins=[None],  # no page in a browser: robots send none
             compression=None,
             max_size=LARGEST_BYTES,
             close_timeout=1.0,

@@ -9,9 +9,14 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import re
+import socket
+import subprocess
+import sys
 import threading
 import time
 import traceback
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -97,6 +102,40 @@ def test_openpis_client_is_answered_as_our_own():
             assert answer["server_timing"]["infer_ms"] > 0
         with pytest.raises(RuntimeError, match="needs a mask"):
             there.infer({"image": seen(0).image})
+
+
+def test_the_example_of_the_documentation_drives():
+    pytest.importorskip("openpi_client.msgpack_numpy", reason="openpi-client: not installed")
+    page = (Path(__file__).parents[2] / "docs" / "remote.md").read_text()
+    (example,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    port = free_port()
+    assert example.count("8000") == 1
+    process = subprocess.Popen([sys.executable, "-c", example.replace("8000", str(port))])
+    try:
+        wait_for(port)
+        with asking(f"ws://127.0.0.1:{port}", patience_s=PATIENT_S) as remote:
+            assert remote.info.action[0].unit == "si"
+            assert remote.act(seen(0)).values == pytest.approx([0, 0])
+    finally:
+        process.kill()
+        process.wait()
+
+
+def wait_for(port):
+    end_s = time.monotonic() + PATIENT_S
+    while True:
+        try:
+            socket.create_connection(("127.0.0.1", port)).close()
+        except ConnectionRefusedError:
+            assert time.monotonic() < end_s
+            time.sleep(0.02)
+        else:
+            return
+
+
+def free_port():
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        return free.getsockname()[1]
 
 
 def packers():

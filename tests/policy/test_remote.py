@@ -19,12 +19,16 @@ from adatracker_deploy.core.messages import PlatformState, Twist
 from adatracker_deploy.evaluation.grid import Grid
 from adatracker_deploy.evaluation.play import play
 from adatracker_deploy.policy import remote as module
-from adatracker_deploy.policy.base import NoAnswer
+from adatracker_deploy.policy.base import ActionAxis, NoAnswer, PolicyInfo
 from adatracker_deploy.policy.catalogue import DEFAULT, TOKEN, load_policy
+from adatracker_deploy.policy.contract import KEY, read_contract, written
+from adatracker_deploy.policy.msgpack_numpy import pack, unpack
 from adatracker_deploy.policy.remote import RemotePolicy
 from adatracker_deploy.policy.server import served
 
 from .servers import MANIFEST, PERIOD_NS, asking, running, saying, seen
+
+pytestmark = pytest.mark.realtime
 
 PATIENT_S = 20.0
 
@@ -359,8 +363,6 @@ def blunt(answer):
 
     def call(self, connection):
         self.answers = answer
-        from adatracker_deploy.policy.msgpack_numpy import pack, unpack
-
         connection.send(pack({"adatracker": self.manifest}))
         for data in connection:
             self._send(connection, answer, unpack(data))
@@ -382,6 +384,16 @@ def test_a_server_that_is_too_slow_for_any_robot_is_refused_but_may_be_evaluated
             assert remote.act(seen(0)).values.shape == (2,)
 
 
+def test_what_a_policy_says_of_itself_is_read_as_it_was_written():
+    spec = (ActionAxis(axis="forward", unit="si"), ActionAxis(axis="yaw", sign=-1))
+    info = PolicyInfo(name="far", rate_hz=12.5, action=spec, sha256=(("a.onnx", "00ff"),))
+    said = unpack(pack(written(info, ("image", "state")) | {"reset_pose": [0.0]}))
+    said[KEY]["of a later version"] = 1
+    contract = read_contract(said)
+    assert contract.info("") == info
+    assert contract.observation == ("image", "state")
+
+
 def test_nobody_there_is_one_sentence():
     with running(served(lambda: load_policy("pid"))) as uri:
         pass
@@ -390,15 +402,17 @@ def test_nobody_there_is_one_sentence():
 
 
 @pytest.mark.parametrize(
-    ("says", "why"),
+    ("scheme", "says", "why"),
     [
-        (b"", "cannot be reached: timed out"),
-        (b"SSH-2.0-OpenSSH_9.6\r\n", "cannot be reached"),
-        (b"HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\n\r\n", "cannot be reached: .*404"),
+        ("ws", b"", "cannot be reached: timed out"),
+        ("wss", b"", "cannot be reached: .*timed out"),
+        ("ws", b"SSH-2.0-OpenSSH_9.6\r\n", "cannot be reached"),
+        ("wss", b"SSH-2.0-OpenSSH_9.6\r\n", "cannot be reached"),
+        ("ws", b"HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\n\r\n", "cannot be reached: .*404"),
     ],
-    ids=["silence", "SSH", "a web server"],
+    ids=["silence", "silence under TLS", "SSH", "SSH for TLS", "a web server"],
 )
-def test_somebody_else_there_is_one_sentence(monkeypatch, says, why):
+def test_somebody_else_there_is_one_sentence(monkeypatch, scheme, says, why):
     monkeypatch.setattr(module, "CONNECT_S", 0.5)
     with socket.create_server(("127.0.0.1", 0)) as listening:
 
@@ -415,7 +429,7 @@ def test_somebody_else_there_is_one_sentence(monkeypatch, says, why):
         thread = threading.Thread(target=speak, daemon=True)
         thread.start()
         with pytest.raises(UsageError, match=why) as raised:
-            RemotePolicy("ws://somebody:secret@{}:{}".format(*listening.getsockname()))
+            RemotePolicy("{}://somebody:secret@{}:{}".format(scheme, *listening.getsockname()))
         assert "secret" not in str(raised.value)
         thread.join(10)
 

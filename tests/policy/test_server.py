@@ -14,6 +14,7 @@ import pytest
 
 pytest.importorskip("websockets", reason="needs the extra 'remote'")
 
+from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from adatracker_deploy.cli import main
@@ -76,6 +77,11 @@ def test_a_mask_is_enough_and_nothing_is_repeated_that_was_not_said(pid):
         found = unpack(client.recv())
         assert found.keys() == {"actions", "server_timing"}
         assert found["actions"].shape == (2,)
+
+
+def test_a_page_in_a_browser_is_not_served(pid):
+    with pytest.raises(InvalidStatus, match="403"):
+        connect(pid, origin="http://elsewhere.example")
 
 
 def test_it_says_that_it_lives_to_whoever_asks():
