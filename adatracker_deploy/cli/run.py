@@ -12,11 +12,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from adatracker_deploy.cli.driving import add_policy_options, driving_policy
 from adatracker_deploy.cli.extras import need
 from adatracker_deploy.cli.ranges import real, whole
 from adatracker_deploy.cli.seeing import add_segmenter_options
 from adatracker_deploy.core.errors import UsageError
-from adatracker_deploy.policy.catalogue import DEFAULT, is_remote
+from adatracker_deploy.policy.catalogue import is_remote
 from adatracker_deploy.trial.live_port import DEFAULT_PORT, choose_port
 
 if TYPE_CHECKING:
@@ -48,18 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--dry-run", action="store_true", help="run everything but the actuators: no robot is connected"
     )
     what.add_argument("--profile", metavar="NAME|FILE", help="the robot's profile (default: the platform's)")
-    what.add_argument(
-        "--policy",
-        metavar="NAME|DIR|URI",
-        default=DEFAULT,
-        help="ws://HOST:PORT or wss://HOST:PORT: of another machine (default: %(default)s)",
-    )
-    what.add_argument(
-        "--instruction",
-        metavar="WORDS",
-        default="follow the person",
-        help="told to a policy of another machine, if it wants a prompt (default: %(default)s)",
-    )
+    add_policy_options(what)
     how = parser.add_argument_group("how")
     how.add_argument("--steps", type=whole(1, 1_000_000), default=600, help="ticks (default: %(default)s)")
     how.add_argument("--trials", type=whole(1, 1000), default=1, help="trials, seeds from --seed up")
@@ -285,7 +275,6 @@ def _plan(args: argparse.Namespace, name: str) -> TrialPlan:
     from adatracker_deploy.perception.segmenters import OF_REHEARSALS
     from adatracker_deploy.perception.sources import check_uri
     from adatracker_deploy.platform import Scenario
-    from adatracker_deploy.policy.catalogue import load_policy
     from adatracker_deploy.registry import load_platform, load_profile
     from adatracker_deploy.trial.folder import place_for_logs
 
@@ -293,8 +282,6 @@ def _plan(args: argparse.Namespace, name: str) -> TrialPlan:
         raise UsageError("--dry-run moves nothing, --sitl moves a simulated robot: give one of them")
     if args.speed is not None and not args.sitl:
         raise UsageError("--speed is for rehearsals: a real robot cannot be sped up; add --sitl")
-    if args.speed not in (None, 1) and is_remote(args.policy):
-        raise UsageError("a policy of another machine answers in the machine's time: drop --speed")
     platform = load_platform(name)
     profile = load_profile(args.profile or platform.default_profile, platform)
     faults = _faults(args, platform, profile) if args.fault else ()
@@ -328,7 +315,7 @@ def _plan(args: argparse.Namespace, name: str) -> TrialPlan:
     return TrialPlan(
         platform=platform,
         profile=profile,
-        policy=load_policy(args.policy, prompt=args.instruction, patience_s=None),
+        policy=driving_policy(args),
         scenario=scenario,
         camera="" if args.sitl and scene is not None else args.camera or "",
         segmenter=segmenter,

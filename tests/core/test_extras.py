@@ -45,6 +45,8 @@ def test_this_package_is_installed_and_a_package_that_nobody_has_is_not():
         (["--platform", "wheeled,quadruped", "--sitl", "--live"], "[live,quadruped,sitl,wheeled]"),
         (["--platform", "drone", "--camera", "world://simple_room"], "[drone,world]"),
         (["--platform", "wheeled"], "[wheeled]"),
+        (["--platform", "wheeled", "--policy", "ws://gpu:8000"], "[remote,wheeled]"),
+        (["serve"], "[remote]"),
     ],
 )
 def test_a_run_names_all_that_it_lacks(monkeypatch, capsys, arguments, asked):
