@@ -144,13 +144,7 @@ def _rigid(data: Any) -> Any:
     rest = p3d.GeomVertexArrayFormat()
     for old in data.get_format().get_columns():
         name = old.get_name()
-        if name.get_basename() not in (
-            "vertex",
-            "normal",
-            "transform_blend",
-            "transform_index",
-            "transform_weight",
-        ):
+        if name.get_basename() not in _MOVING:
             rest.add_column(name, old.get_num_components(), old.get_numeric_type(), old.get_contents())
     layout = p3d.GeomVertexFormat()
     layout.add_array(moving)
