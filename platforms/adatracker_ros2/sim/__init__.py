@@ -1,0 +1,1 @@
+"""The simulated robot: a node of its own, in its own process."""

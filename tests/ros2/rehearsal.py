@@ -1,0 +1,81 @@
+"""A simulated robot in another process, and nodes of the test's own."""
+
+import contextlib
+import dataclasses
+import time
+
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.platform import Scenario
+from adatracker_deploy.registry import load_profile
+from adatracker_ros2.platform import Ros2Platform
+from adatracker_ros2.protocol.connection import Qos
+from adatracker_ros2.protocol.messages import TYPES
+from adatracker_ros2.protocol.participant import Participant
+from adatracker_ros2.protocol.qos import ros_qos
+
+PERIOD_NS = 20_000_000
+"""The link sends at 50 Hz."""
+PATIENCE_S = 20.0
+
+
+def rehearsed(**connection):
+    """The shipped profile with some of its connection changed, and a camera that draws seldom."""
+    profile = load_profile("ros2_robot", Ros2Platform)
+    return dataclasses.replace(
+        profile,
+        camera=dataclasses.replace(profile.camera, rate_hz=2.0),
+        connection=dataclasses.replace(profile.connection, **connection),
+    )
+
+
+def changed(profile, **connection):
+    return dataclasses.replace(profile, connection=dataclasses.replace(profile.connection, **connection))
+
+
+@contextlib.contextmanager
+def simulator(profile):
+    """A simulated robot of its own; gives its `Sitl` and the profile that reaches it."""
+    with Ros2Platform.sitl(profile) as sitl:
+        yield sitl, sitl.start(MonotonicClock(), Scenario(seed=1, width_px=160))
+
+
+@contextlib.contextmanager
+def adapter(profile):
+    with Ros2Platform(profile, MonotonicClock()) as platform:
+        yield platform
+
+
+@contextlib.contextmanager
+def node(connection, name):
+    """A node of the test's own in the robot's domain, on this machine only."""
+    participant = Participant(connection, name)
+    try:
+        yield participant
+    finally:
+        participant.close()
+
+
+@contextlib.contextmanager
+def publisher(connection, name, topic, type_name, **qos):
+    with node(connection, name) as participant:
+        made = participant.node.create_publisher(TYPES[type_name], topic, ros_qos(Qos(**qos)))
+        participant.start()
+        yield made
+
+
+def send_while(platform, command, wanted):
+    """Send at 50 Hz, as the link does, while a condition holds; fail where that lasts too long."""
+    clock, give_up_s = platform.clock, time.monotonic() + PATIENCE_S
+    due_ns = clock.now_ns()
+    while wanted():
+        assert time.monotonic() < give_up_s
+        platform.send(command, clock.now_ns())
+        due_ns = max(due_ns + PERIOD_NS, clock.now_ns())
+        clock.sleep_until(due_ns)
+
+
+def until(condition, why="waited in vain"):
+    give_up_s = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < give_up_s, why
+        time.sleep(0.01)

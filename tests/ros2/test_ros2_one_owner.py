@@ -1,0 +1,93 @@
+"""A ROS 2 topic has no owner: whoever else publishes commands is found, named, and left the robot."""
+
+import subprocess
+import sys
+
+import pytest
+
+pytest.importorskip("rclpy", reason="ROS 2 is not installed: pip install 'adatracker-deploy[ros2]'")
+
+from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import Twist
+from adatracker_ros2.protocol.topics import TWIST, Topics
+from tests.ros2.rehearsal import adapter, publisher, rehearsed, send_while, simulator, until
+
+CRUISE = Twist(vx=0.5)
+
+
+@pytest.fixture(scope="module")
+def robot():
+    with simulator(rehearsed()) as (_, profile):
+        yield profile
+
+
+def teleop(profile):
+    return publisher(profile.connection, "teleop", Topics(profile.connection).command, TWIST)
+
+
+def test_another_publisher_is_refused_by_its_nodes_name_before_anything_moves(robot):
+    with adapter(robot) as platform, teleop(robot):
+        platform.connect()
+        until(lambda: [check for check in platform.preflight() if "/teleop" in check.message])
+        [check] = [check for check in platform.preflight() if not check.ok]
+        assert (check.name, check.blocking) == ("only publisher", True)
+        assert "/teleop publishes to" in check.message
+        with pytest.raises(PlatformError, match="/teleop publishes to"):
+            platform.engage()
+        assert not platform.state().engaged
+
+
+def test_a_publisher_that_appears_stops_the_robot_and_the_stop_latches(robot):
+    with adapter(robot) as platform:
+        platform.connect()
+        platform.engage()
+        send_while(platform, CRUISE, lambda: platform.state().velocity.vx < 0.4)
+        with teleop(robot):
+            with pytest.raises(PlatformError, match="publishes to /sitl_"):  # its name comes a moment later
+                send_while(platform, CRUISE, lambda: True)
+            assert platform.state().taken_over
+            until(lambda: platform.state().stopped.startswith("/teleop publishes to"))
+            until(lambda: abs(platform.state().velocity.vx) < 0.01, "the robot never stood")
+        until(lambda: not platform._wire.ownership.rival())
+        with pytest.raises(PlatformError, match="not engaged: /teleop"):
+            platform.send(CRUISE, platform.clock.now_ns())
+        platform.engage()
+        assert not platform.state().taken_over
+        assert not platform.state().stopped
+
+
+def test_another_program_on_this_machine_cannot_have_the_same_robot(robot):
+    with adapter(robot) as platform, adapter(robot) as second:
+        platform.connect()
+        with pytest.raises(PlatformError, match="driven by another program on this machine"):
+            second.connect()
+
+
+def test_no_name_of_a_rehearsal_is_one_that_a_robot_has(robot):
+    token = robot.connection.rehearsal_token
+    assert robot.connection.discovery == "localhost"
+    names = vars(Topics(robot.connection))
+    assert all(names[name].startswith(f"/sitl_{token}/") for name in ("command", "odometry", "camera", "go"))
+
+
+PROBE = """
+import sys
+from adatracker_ros2.protocol.connection import Connection
+from adatracker_ros2.protocol.participant import Participant
+participant = Participant(Connection(domain=int(sys.argv[1]), discovery="localhost"), "probe")
+participant.start()
+participant.close()
+"""
+
+
+def test_a_node_looks_for_others_on_this_machine_only(robot, tmp_path):
+    """Where strace is there: every datagram of a node goes to 127.0.0.1, none to a multicast address."""
+    trace = tmp_path / "trace"
+    command = ["strace", "-f", "-e", "trace=sendto,sendmsg", "-o", str(trace), sys.executable, "-c", PROBE]
+    try:
+        subprocess.run([*command, str(robot.connection.domain)], check=True, timeout=60)
+    except (FileNotFoundError, subprocess.CalledProcessError) as error:
+        pytest.skip(f"strace cannot be used here: {error}")
+    to = [line for line in trace.read_text(encoding="utf-8").splitlines() if "sin_addr" in line]
+    assert to
+    assert not [line for line in to if 'inet_addr("127.0.0.1")' not in line]
