@@ -141,7 +141,7 @@ def test_a_log_of_a_single_tick_without_truth_or_telemetry_or_frames_has_a_page(
     bare = a_step(0, box=None, pose=None, velocity=None, battery=None, state_age_s=float("inf"), action=())
     bare = dataclasses.replace(bare, distance_m=None, bearing_rad=None, target_visible=None)
     text = Page(page_of(write_trial(tmp_path / "bare", [bare], frames=False))).text
-    assert "The robot tells no battery." in text
+    assert "The robot reports no battery." in text
     assert "No frames were logged." in text
     assert "distance" not in text
 
