@@ -1,4 +1,4 @@
-"""Where a robot's own frame lies in a virtual world. Pure."""
+"""The place of a robot's own frame in a virtual world. Pure."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from adatracker_deploy.core.geometry import Pose
 
 @dataclass(frozen=True, slots=True)
 class Anchor:
-    """Where the robot's own fixed frame lies in the world: turned by `yaw`, then moved."""
+    """The robot's own fixed frame in the world: turned by `yaw`, then moved."""
 
     x: float
     y: float

@@ -11,8 +11,8 @@ from adatracker_deploy.config.limits import Limits
 from adatracker_deploy.core.messages import Box, Twist
 from adatracker_deploy.platform import Body
 from adatracker_deploy.policy.base import Policy, to_twist
+from adatracker_deploy.sim.backend import WorldBackend
 from adatracker_deploy.sim.task import Outcome, Task, TaskSettings
-from adatracker_deploy.sim.world import World
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +57,7 @@ class EpisodeResult:
 
 
 def run_episode(
-    world: World,
+    world: WorldBackend,
     body: Body,
     policy: Policy,
     limits: Limits,

@@ -11,7 +11,7 @@ import signal
 import threading
 from typing import TYPE_CHECKING, Protocol
 
-from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.errors import PlatformError, UsageError
 from adatracker_deploy.runtime.pacer import Pacer
 from adatracker_deploy.sim.studio import Studio, View
 
@@ -59,15 +59,15 @@ class DrawingProcess:
         """Return a picture; None if `ended` was set meanwhile.
 
         Raises:
-            UsageError: the world cannot be drawn.
+            UsageError, PlatformError: the world cannot be drawn.
             EOFError, ConnectionError: the process has ended.
         """
         self._pipe.send(view)
         while not self._pipe.poll(LOOK_S):
             if ended.is_set():
                 return None
-        answer: Shot | UsageError = self._pipe.recv()
-        if isinstance(answer, UsageError):
+        answer: Shot | UsageError | PlatformError = self._pipe.recv()
+        if isinstance(answer, UsageError | PlatformError):
             raise answer
         return answer
 
@@ -98,7 +98,7 @@ def film(
         ended: ends the film.
 
     Raises:
-        UsageError: the world cannot be drawn.
+        UsageError, PlatformError: the world cannot be drawn.
         EOFError, ConnectionError: what draws has ended.
     """
     pacer = Pacer(clock, rate_hz)
@@ -112,11 +112,11 @@ def film(
 
 def _draw(pipe: Connection, scenario: Scenario, fov_rad: float, own_frame: bool) -> None:
     """Answer each view with its picture until the other end closes."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever asks notices, and closes the pipe
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the client notices, and closes the pipe
     with contextlib.suppress(EOFError, ConnectionError):
         try:
             studio = Studio(scenario, fov_rad, own_frame=own_frame)
             while True:
                 pipe.send(studio.take(pipe.recv()))
-        except UsageError as error:
+        except (UsageError, PlatformError) as error:
             pipe.send(error)

@@ -9,7 +9,7 @@ One event per line: machine time (`time.monotonic_ns`, the same in every process
     81516376032911 mode OFFBOARD armed              one that flies: whenever it changes
     81516376100000 process robot 4711               who is who; written by each part's own process
     81516380217788 suffers camera_freeze            by the robot, when it was ordered to
-    81516376200000 phase following                  written by whoever injects, with the following three
+    81516376200000 phase following                  written by the injector, with the following three
     81516380217755 begin camera_freeze              as soon as it has
     81518380411902 end camera_freeze
     81518380500000 stood 0.104                      the tracker's interpreter has stood still for so long, s

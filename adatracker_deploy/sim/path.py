@@ -1,4 +1,4 @@
-"""How people walk: an S-shaped course as in the paper's field trials, or random walks as in its simulation.
+"""Walking paths: an S-shaped course as in the paper's field trials, or random walks as in its simulation.
 
 Two random walkers are harder: one makes U-turns, another crosses the line of sight.
 

@@ -25,6 +25,8 @@ _FOREARM = 0.20 * HEIGHT_M
 _HIP_HALF_WIDTH = 0.095
 _SHOULDER_HALF_WIDTH = 0.215
 _FOOT_HALF_HEIGHT = 0.045
+_SEATED_RAD = math.radians(88.0)
+"""Angle of the thighs of somebody who sits, as in the shipped people's animation."""
 
 Point = tuple[float, float, float]
 Role = Literal["skin", "hair", "shirt", "trousers", "shoes"]
@@ -68,6 +70,8 @@ class Gait:
     """Smoothed speed; the swing grows with it and is zero at rest."""
     walked_m: float = 0.0
     """Distance walked in all."""
+    seated: float = 0.0
+    """Share of the time that sitting down takes, 0 (up) to 1."""
 
     def walk(self, distance_m: float, dt_s: float) -> None:
         """Advance by `distance_m` in `dt_s` > 0 seconds.
@@ -89,7 +93,11 @@ def posture(gait: Gait) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     effort = min(1.0, gait.speed_m_s / 0.8)
     swing = effort * min(0.75, 0.28 + 0.13 * gait.speed_m_s)
     bend = effort * min(1.3, 0.7 + 0.2 * gait.speed_m_s)
-    legs = [_leg(gait.phase_rad + turn, swing, bend) for turn in (0.0, math.pi)]
+    seated = _SEATED_RAD * (0.5 - 0.5 * math.cos(math.pi * gait.seated))
+    legs = [
+        (thigh + seated, shank)
+        for thigh, shank in (_leg(gait.phase_rad + turn, swing, bend) for turn in (0.0, math.pi))
+    ]
     hip = max(_THIGH * math.cos(thigh) + _SHANK * math.cos(shank) for thigh, shank in legs) + _ANKLE
     drop = hip - _HIP
     centres = [(x, y, z + drop) for _, (x, y, z) in _TRUNK]

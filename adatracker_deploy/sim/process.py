@@ -1,9 +1,9 @@
 """A simulator as a process: started by a `Sitl`, ready by one line, ended by the end of its stdin.
 
-`SimulatorProcess` is the side that starts it; `add_arguments`, `simulator_clock`, `parent_watchdog` and
-`announce_ready` are what the started module's ``main`` is made of. Started by hand, the same module runs
-until Ctrl-C. What goes over stdin until it ends are `FaultCommands`: which faults begin and end, and where
-the robot's witness writes.
+`ProcessSitl` and its `SimulatorProcess` are the side that starts it; `add_arguments`, `given_scenario`,
+`simulator_clock`, `parent_watchdog` and `announce_ready` are what the started module's ``main`` is made of.
+Started by hand, the same module runs until Ctrl-C. What goes over stdin until it ends are `FaultCommands`:
+which faults begin and end, and where the robot's witness writes.
 """
 
 from __future__ import annotations
@@ -16,16 +16,20 @@ import sys
 import threading
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
+import msgspec
+
+from adatracker_deploy.config.schema import parse
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import PlatformError, UsageError
-from adatracker_deploy.platform import Scenario
+from adatracker_deploy.platform import Scenario, Sitl
 from adatracker_deploy.sim.ground_truth import GroundTruthRecorder
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from adatracker_deploy.config.profile import Profile
     from adatracker_deploy.core.clock import Clock
 
 ASKED_WRONG = 2
@@ -53,8 +57,8 @@ class SimulatorProcess:
         """The process's id; None before `start` and after `close`."""
         return self._process.pid if self._process else None
 
-    def start(self, clock: Clock, arguments: Sequence[str]) -> dict[str, Any]:
-        """Start it on the run's clock; return what it announced.
+    def start(self, clock: Clock, scenario: Scenario, arguments: Sequence[str] = ()) -> dict[str, Any]:
+        """Start it on the run's clock and in the rehearsal's world; return what it announced.
 
         Raises:
             UsageError: it refused its arguments.
@@ -64,6 +68,7 @@ class SimulatorProcess:
         process = self._process = subprocess.Popen(
             [
                 *(sys.executable, "-m", self._module, *arguments),
+                *("--scenario", msgspec.json.encode(scenario).decode()),
                 *("--lifeline", "--speed", repr(clock.speed), "--epoch-ns", str(epoch_ns)),
             ],
             stdin=subprocess.PIPE,
@@ -87,7 +92,7 @@ class SimulatorProcess:
         return ready
 
     def order(self, line: str) -> None:
-        """Give it an order, as `FaultCommands` reads them; a process that is gone is not told."""
+        """Send it a command for `FaultCommands`; nothing happens if the process is gone."""
         if self._process is not None and self._process.stdin is not None:
             with contextlib.suppress(OSError):
                 self._process.stdin.write(f"{line}\n")
@@ -108,46 +113,41 @@ class SimulatorProcess:
         process.stdout.close()
 
 
-def scenario_arguments(scenario: Scenario) -> list[str]:
-    """Return the arguments by which a simulator with a camera is told which world it stands in."""
-    return [
-        *("--scene", scenario.scene, "--seed", str(scenario.seed)),
-        *("--target-speed", repr(scenario.target_speed_m_s), "--others", str(scenario.others)),
-        *("--person", scenario.person, "--width", str(scenario.width_px)),
-    ]
+class ProcessSitl(Sitl):
+    """A `Sitl` of one process; a robot's own says what it is and how it starts.
 
-
-def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add ``--scene``, ``--target-speed`` and ``--others``, of a simulator with a camera."""
-    default = Scenario()
-    parser.add_argument("--scene", default=default.scene, help="the world it stands in")
-    parser.add_argument(
-        "--target-speed", type=float, default=default.target_speed_m_s, help="of the people in it, m/s"
-    )
-    parser.add_argument("--others", type=int, default=default.others, help="people besides the target")
-    parser.add_argument("--person", default=default.person, help="the target's .glb")
-    parser.add_argument("--width", type=int, default=default.width_px, help="of its pictures, px")
-
-
-def given_scenario(args: argparse.Namespace) -> Scenario:
-    """Return the world that a simulator was told to stand in.
-
-    Raises:
-        UsageError: there is no such world.
+    Args:
+        profile: of the robot that is simulated.
     """
-    return Scenario(
-        scene=args.scene,
-        target_speed_m_s=args.target_speed,
-        seed=args.seed,
-        others=args.others,
-        person=args.person,
-        width_px=args.width,
-    )
+
+    module: ClassVar[str]
+    """Run by ``python -m``; this and the next two as for `SimulatorProcess`."""
+    robot: ClassVar[str]
+    stop_timeout_s: ClassVar[float] = 10.0
+
+    def __init__(self, profile: Profile) -> None:
+        self._profile = profile
+        self._process = SimulatorProcess(self.module, self.robot, self.stop_timeout_s)
+
+    @property
+    def pid(self) -> int | None:
+        """The simulator's process id; None while there is none."""
+        return self._process.pid
+
+    def close(self) -> None:
+        """Tell the process to end and wait until its robot has come to rest; may be called twice."""
+        self._process.close()
+
+    def order(self, line: str) -> None:
+        """Send a command to the simulator."""
+        self._process.order(line)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what every simulator takes: ``--seed``, ``--speed``, ``--epoch-ns`` and ``--lifeline``."""
-    parser.add_argument("--seed", type=int, default=0, help="of all that is random")
+    """Add what every simulator takes: ``--scenario``, ``--speed``, ``--epoch-ns`` and ``--lifeline``."""
+    parser.add_argument(
+        "--scenario", default="{}", help='seed and world as JSON: {"seed": 3, "scene": "urban_city"}'
+    )
     parser.add_argument("--speed", type=_speed, default=1.0, help="times real time")
     parser.add_argument("--epoch-ns", type=int, default=time.monotonic_ns(), help="of the shared clock")
     parser.add_argument(
@@ -155,13 +155,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def given_scenario(args: argparse.Namespace) -> Scenario:
+    """Return the seed and the world that the arguments name.
+
+    Raises:
+        UsageError: they name no `Scenario`.
+    """
+    try:
+        return parse(Scenario, json.loads(args.scenario), where="--scenario")
+    except json.JSONDecodeError as error:
+        raise UsageError(f"--scenario: {error}") from error
+
+
 def simulator_clock(args: argparse.Namespace) -> MonotonicClock:
-    """Return the clock that the simulator shares with whoever started it."""
+    """Return the clock that the simulator shares with its parent process."""
     return MonotonicClock(args.speed, args.epoch_ns)
 
 
 class FaultCommands:
-    """What whoever started a simulator has ordered it to suffer, and to write down."""
+    """Fault and logging commands from the process that started the simulator."""
 
     def __init__(self) -> None:
         self.faults: frozenset[str] = frozenset()

@@ -9,6 +9,8 @@ import contextlib
 import threading
 from typing import TYPE_CHECKING
 
+from adatracker_deploy.core.camera import is_unreal
+from adatracker_deploy.core.geometry import Pose
 from adatracker_deploy.sim.filming import DrawingProcess, film
 from adatracker_deploy.sim.studio import BODY_RADIUS_M, View, world_of
 
@@ -33,17 +35,19 @@ class Rehearsal:
     def __init__(self, scenario: Scenario, body: GroundBody, fov_rad: float) -> None:
         self.scenario = scenario
         self.fov_rad = fov_rad
-        self._world = world_of(scenario)
+        # An engine serves one client, the process that draws: the body has a plain of its own then.
+        self._world = None if is_unreal(scenario.scene) else world_of(scenario)
         self._body = body
         self._moving = threading.Lock()
         self._going = False
-        body.reset(self._world.start, scenario.seed)
+        body.reset(self._world.start if self._world else Pose(), scenario.seed)
 
     def step(self, command: Twist, dt_s: float) -> None:
         """Step the body under `command` for `dt_s`; called from the protocol thread."""
         with self._moving:
             self._body.step(command, dt_s)
-            self._body.place(self._world.grounded(self._body.pose, BODY_RADIUS_M))
+            if self._world is not None:
+                self._body.place(self._world.grounded(self._body.pose, BODY_RADIUS_M))
 
     def go(self) -> None:
         """Start the people walking with the next frame."""
@@ -63,7 +67,7 @@ class Rehearsal:
         """
 
         def run() -> None:
-            drawing = DrawingProcess(self.scenario, self.fov_rad)
+            drawing = DrawingProcess(self.scenario, self.fov_rad, own_frame=self._world is None)
             with contextlib.suppress(EOFError, ConnectionError):
                 film(drawing, self.view, clock, rate_hz, publish, ended=ended)
 

@@ -8,21 +8,26 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from adatracker_deploy.core.camera import is_unreal
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.core.geometry import Pose, wrap_angle
 from adatracker_deploy.core.messages import Shot
 from adatracker_deploy.sim.anchor import Anchor
 from adatracker_deploy.sim.render.lens import Lens, bend, encode, expose, wider
-from adatracker_deploy.sim.world import World
+from adatracker_deploy.sim.road import Road
+from adatracker_deploy.sim.worlds import open_world
 
 if TYPE_CHECKING:
+    from adatracker_deploy.config.effects import RoadClass
     from adatracker_deploy.platform import Scenario
+    from adatracker_deploy.sim.backend import WorldBackend
 
 BODY_RADIUS_M = 0.3
 """Radius of a robot's body: within it an obstacle counts as a collision."""
 
 
 class View(NamedTuple):
-    """What a camera needs to know of one moment."""
+    """The input of a camera at one moment."""
 
     t_ns: int
     robot: Pose
@@ -40,6 +45,7 @@ class Eye:
         size: width and height of the pictures, px.
         lens: the camera's faults.
         seed: of the noise.
+        road: shakes the camera.
 
     Raises:
         UsageError: what draws is not installed.
@@ -47,19 +53,22 @@ class Eye:
 
     def __init__(
         self,
-        world: World,
+        world: WorldBackend,
         fov_rad: float,
         size: tuple[int, int] = (640, 480),
         lens: Lens = Lens(),  # noqa: B008 -- frozen
         *,
         seed: int = 0,
+        road: RoadClass = "smooth",
     ) -> None:
+        self._road = Road(road, seed)
         self._world, self._fov_rad, self._size, self._lens = world, fov_rad, size, lens
         self._rng = np.random.default_rng(seed)
         self._last: tuple[int, Pose] | None = None
 
     def take(self, t_ns: int, seq: int, robot: Pose, camera: Pose) -> Shot:
         """Return the picture that a camera at this pose takes; poses are in the world."""
+        camera = self._road.tilted(camera, robot)
         width, height = self._size
         lens, fov_rad = self._lens, self._fov_rad
         mask, picture = self._world.picture(camera, wider(fov_rad, lens, height, width), height, width)
@@ -101,7 +110,9 @@ class Studio:
         own_frame: bool = False,
     ) -> None:
         self._world = world_of(scenario)
-        self._eye = Eye(self._world, fov_rad, scenario.picture_size, seed=scenario.seed)
+        self._eye = Eye(
+            self._world, fov_rad, scenario.picture_size, seed=scenario.seed, road=scenario.effects.road
+        )
         self._own_frame = own_frame
         self._anchor: Anchor | None = None
         self._last: View | None = None
@@ -125,16 +136,23 @@ class Studio:
         return view._replace(robot=to_world(view.robot), camera=to_world(view.camera))
 
 
-def world_of(scenario: Scenario) -> World:
-    """Return a scenario's world.
+def world_of(scenario: Scenario) -> WorldBackend:
+    """Return a scenario's world; an engine's runs in its own time.
 
     Raises:
-        UsageError: no such scene, or MuJoCo is not installed.
+        UsageError: no such scene, or what simulates it is missing or cannot do this.
+        PlatformError: the engine fails.
     """
-    return World(
+    unreal = is_unreal(scenario.scene)
+    if unreal and scenario.person:
+        raise UsageError("the people of Unreal's levels have their own looks: drop --person")
+    return open_world(
         scenario.scene,
         seed=scenario.seed,
         target_speed_m_s=scenario.target_speed_m_s,
+        path="random_walk" if unreal else "s_path",
         others=scenario.others,
         cast=[Path(scenario.person)] if scenario.person else (),
+        effects=scenario.effects,
+        lock_step=False,
     )

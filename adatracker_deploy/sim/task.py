@@ -9,8 +9,8 @@ from typing import Literal
 from adatracker_deploy.core.messages import Box, Observation, Truth, Twist
 from adatracker_deploy.core.task import MAX_LOST_STEPS, step_reward, target_visible
 from adatracker_deploy.platform import Body
+from adatracker_deploy.sim.backend import WorldBackend
 from adatracker_deploy.sim.bodies import GroundBody
-from adatracker_deploy.sim.world import World
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,7 +45,7 @@ class Outcome:
     visible: bool
     """The target is within 90 degrees and 7.5 m, and in the mask."""
     end: Literal["", "completed", "lost"]
-    """Why the episode ended; empty while it goes on."""
+    """The episode's end; empty while it goes on."""
 
 
 class Task:
@@ -55,7 +55,7 @@ class Task:
     body is free to fly. `Truth.collided` reports contact with obstacles and people.
     """
 
-    def __init__(self, world: World, body: Body, settings: TaskSettings) -> None:
+    def __init__(self, world: WorldBackend, body: Body, settings: TaskSettings) -> None:
         """Take a world that has not been stepped yet."""
         self.world = world
         self.body = body

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from adatracker_deploy.config.effects import NONE, Effects
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.core.geometry import Pose
-from adatracker_deploy.core.messages import ClassMask, Truth
 from adatracker_deploy.core.task import DESIRED_DISTANCE_M
+from adatracker_deploy.sim.backend import truth_of
 from adatracker_deploy.sim.camera import Camera
 from adatracker_deploy.sim.footprint import Clearance, Points
 from adatracker_deploy.sim.path import (
@@ -27,6 +28,7 @@ from adatracker_deploy.sim.path import (
     lap_course,
 )
 from adatracker_deploy.sim.person import HEIGHT_M, Gait
+from adatracker_deploy.sim.rest import Rest
 from adatracker_deploy.sim.scenes import build_scene, scene_names
 from adatracker_deploy.sim.stage import Stage
 
@@ -34,6 +36,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
+    from adatracker_deploy.core.messages import ClassMask, Truth
     from adatracker_deploy.sim.render.renderer import Renderer
 
 PERSON_RADIUS_M = 0.3
@@ -68,6 +71,7 @@ class World:
         crossing: how many of the others cross the robot's line of sight and linger there.
         cast: glTF files of who plays whom in `picture`, the target first; the rest are drawn from those that
             ship.
+        effects: fog, and whether people sit down.
 
     Attributes:
         start: where a robot starts: on the ground, 2.5 m behind the target, facing it.
@@ -87,11 +91,12 @@ class World:
         others: int = 0,
         crossing: int = 0,
         cast: Sequence[Path] = (),
+        effects: Effects = NONE,
     ) -> None:
         check_scene(scene)
         if path not in get_args(PathName):
             raise UsageError(f"unknown path {path!r}: known are {', '.join(get_args(PathName))}")
-        layout, target, crowd = map(np.random.default_rng, np.random.SeedSequence(seed).spawn(3))
+        layout, target, crowd, rests = map(np.random.default_rng, np.random.SeedSequence(seed).spawn(4))
         self.scene = build_scene(scene, layout)
         self._space = self.scene.free_space(obstacles=obstacles)
         self._walkable = self.scene.free_space(obstacles=obstacles, inset_m=self.scene.margin_m)
@@ -105,7 +110,9 @@ class World:
                 self._wanderer(kind, rng, target_speed_m_s, self._room(self.start, skip=None))
             )
         self._gaits = [Gait() for _ in self._walkers]
+        self._rests = [Rest(rng) for rng in rests.spawn(1 + others)] if effects.sit else []
         self._obstacles, self._seed, self._t_s, self._cast = obstacles, seed, 0.0, tuple(cast)
+        self._effects = effects
         self._renderer: Renderer | None = None
         self._show_people()
 
@@ -199,30 +206,19 @@ class World:
             fov_rad: the mask's horizontal field of view; without one, the target is taken to be in view.
         """
         x, y = self.target_xy
-        return Truth(
-            mask=mask,
-            robot=robot,
-            camera=camera,
-            target_xy=(x, y),
-            distance_m=robot.distance_to(x, y),
-            bearing_rad=robot.bearing_to(x, y),
-            collided=self.collides(robot.x, robot.y, robot.z, radius_m),
-            in_view=fov_rad is None or self._in_view(camera, fov_rad, mask.shape[0] / mask.shape[1]),
-        )
-
-    def _in_view(self, camera: Pose, fov_rad: float, aspect: float) -> bool:
-        """Return whether the picture, `aspect` as high as wide, holds a part of where the target stands."""
-        x, y = self.target_xy
-        up = np.linspace(0.05, HEIGHT_M, 9) + self.ground_z(x, y)
-        body = np.stack([np.full(9, x), np.full(9, y), up], axis=1) - camera.translation()
-        ahead, left, above = (body @ camera.rotation()).T
-        half = math.tan(fov_rad / 2)
-        inside = (ahead > 0) & (np.abs(left) <= half * ahead) & (np.abs(above) <= half * aspect * ahead)
-        return bool(inside.any())
+        collided = self.collides(robot.x, robot.y, robot.z, radius_m)
+        return truth_of(mask, robot, camera, (x, y, self.ground_z(x, y)), fov_rad, collided=collided)
 
     def _stride(self, dt_s: float, robot: Pose | None) -> None:
         for index, (walker, gait) in enumerate(zip(self._walkers, self._gaits, strict=True)):
             x, y = walker.x, walker.y
+            if self._rests:
+                rest = self._rests[index]
+                rest.step(dt_s)
+                gait.seated = rest.seated
+                if not rest.walking:
+                    gait.walk(0.0, dt_s)
+                    continue
             if isinstance(walker, Crosser) and robot is not None:
                 walker.meet((robot.x, robot.y), self.target_xy, dt_s)
             walker.step(dt_s, self._room(robot, skip=index))
@@ -244,7 +240,8 @@ class World:
     def _rendered(self) -> Renderer:
         """Return the renderer of this world; who plays whom and the hour follow from the seed."""
         from adatracker_deploy.sim.render.figure import shipped_people
-        from adatracker_deploy.sim.render.renderer import Daylight, Renderer
+        from adatracker_deploy.sim.render.nodes import Daylight
+        from adatracker_deploy.sim.render.renderer import Renderer
 
         rng = np.random.default_rng([self._seed, 1])
         shipped = shipped_people()
@@ -254,6 +251,7 @@ class World:
             sun_deg=float(rng.uniform(20.0, 65.0)),
             azimuth_deg=float(rng.uniform(-180.0, 180.0)),
             cloudy=float(rng.uniform(0.0, 0.8)),
+            fog_m=self._effects.fog_m,
         )
         renderer = Renderer(
             self.scene,

@@ -16,21 +16,25 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from adatracker_deploy.core.errors import UsageError
-from adatracker_deploy.sim.render.motion import FPS, Skin, cycles
+from adatracker_deploy.sim.render.motion import FPS, Passage, Skin, cycles
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 PEOPLE = Path(__file__).parent.parent / "people"
-"""Where the people that ship are."""
+"""Folder of the shipped people."""
 LARGEST_BYTES = 8 << 20
 MOST_TRIANGLES = 100_000
-WALK, STAND = "walk", "stand"
-_MOMENTS = {WALK: 30, STAND: 12}
-"""Of each cycle: a walk's frames are 1/30 s apart, who stands moves less."""
+WALK, STAND, SIT = "walk", "stand", "sit"
+_MOMENTS = {WALK: 30, STAND: 12, SIT: 12}
+"""Moments of each motion: a walk's frames are 1/30 s apart; somebody who stands moves less."""
 _PHASES = np.linspace(0.0, 1.0, 48, endpoint=False)
 _SHARES = (0.0, 0.5, 1.0)
-"""Of the walk's cycle, and of walking against standing: where a body is measured."""
+"""Shares of the walk's cycle, and of walking against standing, at which a body is measured."""
+_SEAT_HALF_M = 0.12
+"""Half of how far a seat reaches ahead."""
+_TO_SITTING = 0.2
+"""Share of sitting down in which the posture of standing is left."""
 _SLOWEST_M_S = 0.25
 """At this speed and below somebody stands rather than walks."""
 _STRIDES_M_S = 0.7
@@ -46,7 +50,7 @@ def check(path: Path) -> None:
     """Check that a file is a person that can walk.
 
     Raises:
-        UsageError: it cannot be read, is too large, is no binary glTF 2.0, refers to other files, or has no
+        UsageError: it cannot be read, is too large, is not binary glTF 2.0, refers to other files, or has no
             skin or no animation called ``walk``.
     """
     try:
@@ -104,7 +108,7 @@ def _trouble(document: dict[str, Any]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Stride:
-    """What one cycle of a walk covers.
+    """The ground covered by one cycle of a walk.
 
     Attributes:
         covered_m: how far the body has moved at each moment of the cycle, rising from 0, (M + 1,).
@@ -136,6 +140,16 @@ def stride_of(moments: NDArray[np.float64]) -> Stride:
     return Stride(np.concatenate([[0.0], np.cumsum(steps)]))
 
 
+def seat_of(points: NDArray[np.float64] | NDArray[np.float32]) -> tuple[float, float]:
+    """Return the middle of the seat under somebody who sits (V, 3): how far ahead, and how high.
+
+    It is under the lowest point of their back, where no leg and no foot is.
+    """
+    back = float(points[:, 0].min())
+    behind = points[points[:, 0] < back + 2 * _SEAT_HALF_M]
+    return back + _SEAT_HALF_M, float(behind[:, 2].min() - points[:, 2].min())
+
+
 class Figure:
     """Somebody in a scene graph; made once for each person in it.
 
@@ -143,6 +157,7 @@ class Figure:
         root: a Panda3D NodePath, x ahead, z up, standing on the origin.
         height_m: from the sole to the top of the head.
         stride: what one cycle of the walk covers.
+        seat: how far ahead and how high the middle of the seat is on which they sit, m; None if they cannot.
     """
 
     def __init__(self, path: Path) -> None:
@@ -166,6 +181,7 @@ class Figure:
         self.height_m = float(high.z - low.z)
         motions = cycles(model, self.root, _MOMENTS)
         self._walk, self._stand = motions[WALK], motions.get(STAND)
+        self._sit = Passage(motions[SIT].moments) if SIT in motions else None
         reach_m = max(float(np.abs(motion.moments[..., :3]).max()) for motion in motions.values())
         self._body = self.root.attach_new_node("body")
         self._skin = Skin(model, self._body, 2.0 * reach_m)
@@ -173,19 +189,27 @@ class Figure:
         moments = [[self._mixed(float(phase), share, 0.0)[:, :3] for phase in _PHASES] for share in _SHARES]
         self.stride = stride_of(np.array(moments[-1]))
         self._raised_m = np.array([[-float(points[:, 2].min()) for points in row] for row in moments])
+        self.seat = None if self._sit is None else seat_of(self._sit.at(1.0)[:, :3])
         self.pose(0.0, 0.0, 0.0)
 
-    def pose(self, walked_m: float, speed_m_s: float, seconds: float) -> None:
+    def pose(self, walked_m: float, speed_m_s: float, seconds: float, seated: float = 0.0) -> None:
         """Pose them.
 
         Args:
             walked_m: how far they have walked in all.
             speed_m_s: how fast they walk now.
             seconds: time, for what a standing body does.
+            seated: share of the time that sitting down takes, 0 to 1; ignored without an animation ``sit``.
         """
         share = (speed_m_s - _SLOWEST_M_S) / (_STRIDES_M_S - _SLOWEST_M_S)
         phase = self.stride.phase(walked_m)
         self._vertices = self._mixed(phase, share, seconds)
+        if self._sit is not None and seated > 0.0:
+            part = np.float32(min(1.0, seated / _TO_SITTING))
+            self._vertices = self._vertices + part * (self._sit.at(seated) - self._vertices)
+            self._skin.move(self._vertices)
+            self._body.set_z(-float(self._vertices[:, 2].min()))
+            return
         self._skin.move(self._vertices)
         # Between two steps, a mixture of walking and standing is lower than either.
         heights = [np.interp(phase, _PHASES, raised, period=1.0) for raised in self._raised_m]

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import functools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+
+from adatracker_deploy.core.camera_info import CameraInfo
 
 Image = NDArray[np.uint8]
 
@@ -32,6 +34,12 @@ class Lens:
     """Standard deviation of a pixel, share of full scale."""
     jpeg_quality: int = 85
     """1 to 100."""
+
+    def camera_info(self, fov_rad: float, width: int, height: int) -> CameraInfo:
+        """Return what a calibration of this camera would find; `fov_rad` as for `bend`."""
+        straight = CameraInfo.pinhole(fov_rad, width, height)
+        k1 = self.distortion / math.tan(fov_rad / 2) ** 2  # by the half width here, by the focal length there
+        return replace(straight, coefficients=(k1, 0.0, 0.0, 0.0, 0.0))
 
 
 PERFECT = Lens(distortion=0.0, exposure_s=0.0, noise=0.0, jpeg_quality=100)

@@ -42,6 +42,24 @@ class Cycle:
         return np.asarray(first + share * (second - first), np.float32)
 
 
+@dataclass(frozen=True, slots=True)
+class Passage:
+    """A motion from one posture to another.
+
+    Attributes:
+        moments: as a cycle's.
+    """
+
+    moments: NDArray[np.float32]
+
+    def at(self, share: float) -> NDArray[np.float32]:
+        """Return the vertices, (V, 6), after a share of the motion's time, 0 to 1."""
+        place = min(max(share, 0.0), 1.0) * (len(self.moments) - 1)
+        before = min(int(place), len(self.moments) - 2)
+        first, second = self.moments[before], self.moments[before + 1]
+        return np.asarray(first + np.float32(place - before) * (second - first), np.float32)
+
+
 def cycles(model: Any, root: Any, most: Mapping[str, int]) -> dict[str, Cycle]:
     """Return the motions of an animated model by name.
 

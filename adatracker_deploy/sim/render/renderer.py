@@ -8,17 +8,18 @@ from __future__ import annotations
 import functools
 import importlib.util
 import math
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import cv2
 import numpy as np
 
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.core.messages import MaskClass
-from adatracker_deploy.sim.render import meshes, textures
+from adatracker_deploy.sim.footprint import FreeSpace
+from adatracker_deploy.sim.render import fog, meshes, textures
 from adatracker_deploy.sim.render.figure import Figure
+from adatracker_deploy.sim.render.nodes import geom, light, sky, soft_shadow, texture
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -26,16 +27,22 @@ if TYPE_CHECKING:
     from adatracker_deploy.core.geometry import Pose
     from adatracker_deploy.core.messages import ClassMask
     from adatracker_deploy.sim.person import Gait
-    from adatracker_deploy.sim.render.meshes import Mesh
-    from adatracker_deploy.sim.scene import Part, Rgb, Scene, Thing
+    from adatracker_deploy.sim.render.nodes import Daylight
+    from adatracker_deploy.sim.scene import Part, Scene, Thing
 
 _NEAR_M, _FAR_M = 0.05, 400.0
-_SKY_M = 300.0
 _MASK_ONLY, _PICTURE_ONLY = 1, 2
 """Bits of the two cameras: shadows and sky are for pictures alone."""
+_STOOL_RGB = (0.35, 0.26, 0.18)
 _CLASS_STEP = 40
-"""Grey levels between two classes in the mask's buffer."""
-_CLASS_OF_GREY = ((np.arange(256) + _CLASS_STEP // 2) // _CLASS_STEP).astype(np.uint8)
+"""Levels of green between two classes in the mask's buffer."""
+_NUMBER_STEP = 8
+_NUMBERS = 256 // _NUMBER_STEP
+"""Levels of red and blue between two bodies' numbers in it: number = red * 32 + blue."""
+_CLASS_OF_GREEN = ((np.arange(256) + _CLASS_STEP // 2) // _CLASS_STEP).astype(np.uint8)
+_NUMBER_OF_LEVEL = np.minimum((np.arange(256) + _NUMBER_STEP // 2) // _NUMBER_STEP, _NUMBERS - 1).astype(
+    np.intp
+)
 _QUIET = (
     "load-display p3tinydisplay",
     "audio-library-name null",
@@ -45,20 +52,6 @@ _QUIET = (
     "sync-video false",
     "model-cache-dir",
 )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Daylight:
-    """The sun and the sky of an hour."""
-
-    sun_deg: float = 55.0
-    """The sun's height."""
-    azimuth_deg: float = 35.0
-    """Where it stands, from x to y."""
-    sun: Rgb = (0.78, 0.75, 0.68)
-    ambient: Rgb = (0.46, 0.48, 0.52)
-    cloudy: float = 0.3
-    """Share of the sky in cloud; a cloud over the sun is `sun` being dark."""
 
 
 def check_renderer() -> None:
@@ -109,16 +102,20 @@ class Renderer:
         self._daylight = daylight
         self._root = p3d.NodePath("world")
         self._root.set_shader_off()
-        _light(self._root, daylight)
-        self._sky = self._root.attach_new_node(_sky(scene, daylight, seed))
+        light(self._root, daylight)
+        self._sky = self._root.attach_new_node(sky(scene, daylight, seed))
         self._sky.hide(p3d.BitMask32.bit(_MASK_ONLY))
+        self._bodies: list[_Body] = []
         self._build(scene, obstacles=obstacles, seed=seed)
+        self._scene = scene
         self._figures = [Figure(path) for path in people]
         self._shadows = []
+        self._stools: list[Any] = []
         for place, figure in enumerate(self._figures):
             figure.root.reparent_to(self._root)
-            figure.root.set_tag("class", "target" if place == 0 else "person")
-            self._shadows.append(self._root.attach_new_node(_soft_shadow(daylight, figure.height_m)))
+            self._number(figure.root, MaskClass.PERSON if place else MaskClass.TARGET)
+            self._stools.append(self._stool(figure))
+            self._shadows.append(self._root.attach_new_node(soft_shadow(daylight, figure.height_m)))
             self._shadows[-1].hide(p3d.BitMask32.bit(_MASK_ONLY))
         self._views: dict[tuple[int, int], _View] = {}
 
@@ -140,7 +137,9 @@ class Renderer:
             t_s: the world's time.
         """
         figure = self._figures[index]
-        figure.pose(gait.walked_m, gait.speed_m_s, t_s)
+        figure.pose(gait.walked_m, gait.speed_m_s, t_s, gait.seated)
+        if self._stools[index] is not None:
+            (self._stools[index].show if gait.seated else self._stools[index].hide)()
         figure.root.set_pos(*foot)
         figure.root.set_h(math.degrees(heading))
         self._shadows[index].set_pos(foot[0], foot[1], foot[2] + 0.012)
@@ -158,33 +157,65 @@ class Renderer:
         """
         size = (height, width)
         if size not in self._views:
-            self._views[size] = _View(self._root, height, width)
+            self._views[size] = _View(self._root, height, width, self._bodies)
         self._sky.set_pos(camera.x, camera.y, 0.0)
-        return self._views[size].draw(camera, fov_rad)
+        view = self._views[size]
+        mask, picture = view.draw(camera, fov_rad)
+        if self._daylight.fog_m:
+            distance_m = fog.background_m(camera, fov_rad, height, width, self._scene)
+            bodies_m = np.array([np.inf, *(self._away_m(body, camera) for body in self._bodies)], np.float32)
+            distance_m = np.minimum(distance_m, bodies_m[view.numbers()])
+            picture = fog.fogged(picture, distance_m, self._daylight.fog_m, self._scene.haze_rgb)
+        return mask, picture
+
+    def _number(self, node: Any, kind: MaskClass, solids: FreeSpace | None = None) -> None:
+        """Give somebody or something the next number in the masks."""
+        node.set_tag("class", str(len(self._bodies) + 1))
+        self._bodies.append(_Body(kind, node, solids))
+
+    def _stool(self, figure: Figure) -> Any:
+        """Return what somebody sits on, which is there while they do; None if they never sit."""
+        if figure.seat is None:
+            return None
+        ahead, high = figure.seat
+        stool = figure.root.attach_new_node(geom(meshes.box((0.14, 0.19, high / 2)), "stool"))
+        stool.set_pos(ahead, 0.0, high / 2)
+        stool.set_texture(texture(textures.plaster(_STOOL_RGB, 0)))
+        stool.hide()
+        self._number(stool, MaskClass.OBSTACLE)
+        return stool
+
+    def _away_m(self, body: _Body, camera: Pose) -> float:
+        """Return how far the nearest point of somebody or something is."""
+        if body.solids is not None:
+            return max(0.0, float(body.solids.clearance(np.array([[camera.x, camera.y]]))[0]))
+        foot = body.node.get_pos(self._root)
+        return math.hypot(camera.x - foot.x, camera.y - foot.y)
 
     def _build(self, scene: Scene, *, obstacles: bool, seed: int) -> None:
         image, repeat_m = textures.ground(scene.ground, seed)
-        floor = self._root.attach_new_node(_geom(meshes.ground(scene.terrain, repeat_m), "ground"))
-        floor.set_texture(_texture(image))
+        floor = self._root.attach_new_node(geom(meshes.ground(scene.terrain, repeat_m), "ground"))
+        floor.set_texture(texture(image))
         if scene.wall_height_m:
             thick, half_x, half_y = 0.1, scene.half_x_m, scene.half_y_m
             tall = scene.wall_height_m / 2
             for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1)):
                 half = (thick if x else half_x + 2 * thick, thick if y else half_y + 2 * thick, tall)
-                wall = self._root.attach_new_node(_geom(meshes.box(half), "wall"))
+                wall = self._root.attach_new_node(geom(meshes.box(half), "wall"))
                 wall.set_pos(x * (half_x + thick), y * (half_y + thick), tall)
-                wall.set_texture(_texture(textures.plaster(scene.wall_rgb, seed)))
+                wall.set_texture(texture(textures.plaster(scene.wall_rgb, seed)))
         for number, thing in enumerate(scene.everything(obstacles=obstacles)):
             self._add(thing, scene, seed + number)
 
     def _add(self, thing: Thing, scene: Scene, seed: int) -> None:
         node = self._root.attach_new_node("thing")
-        node.set_tag("class", "obstacle")
+        solids = thing.solids(scene.terrain.height(thing.x, thing.y))
+        self._number(node, MaskClass.OBSTACLE, FreeSpace(math.inf, math.inf, list(solids), math.inf))
         node.set_pos(thing.x, thing.y, scene.terrain.height(thing.x, thing.y))
         node.set_h(math.degrees(thing.yaw))
         for part in thing.parts:
-            mesh = node.attach_new_node(_geom(meshes.of_part(part), part.shape))
-            mesh.set_texture(_texture(_image_of(part, seed % 5)))
+            mesh = node.attach_new_node(geom(meshes.of_part(part), part.shape))
+            mesh.set_texture(texture(_image_of(part, seed % 5)))
 
 
 def _image_of(part: Part, seed: int) -> NDArray[np.uint8]:
@@ -196,10 +227,19 @@ def _image_of(part: Part, seed: int) -> NDArray[np.uint8]:
     return textures.plaster(part.rgb, seed)
 
 
+class _Body(NamedTuple):
+    """Somebody or something that the masks tell from the ground."""
+
+    kind: MaskClass
+    node: Any
+    solids: FreeSpace | None
+    """Where a thing is; people are where their node is."""
+
+
 class _View:
     """Two buffers of one size: the picture's and the mask's."""
 
-    def __init__(self, root: Any, height: int, width: int) -> None:
+    def __init__(self, root: Any, height: int, width: int, bodies: list[_Body]) -> None:
         from panda3d import core as p3d
 
         self._p3d = p3d
@@ -213,8 +253,8 @@ class _View:
         flat = self._mask_camera.node()
         flat.set_initial_state(self._flat(MaskClass.BACKGROUND))
         flat.set_tag_state_key("class")
-        for kind in (MaskClass.TARGET, MaskClass.PERSON, MaskClass.OBSTACLE):
-            flat.set_tag_state(kind.name.lower(), self._flat(kind))
+        for number, body in enumerate(bodies, start=1):
+            flat.set_tag_state(str(number), self._flat(body.kind, number))
 
     def draw(self, camera: Pose, fov_rad: float) -> tuple[ClassMask, NDArray[np.uint8]]:
         height, width = self._size
@@ -227,9 +267,16 @@ class _View:
         _engine()[0].render_frame()
         for buffer in self._buffers:  # other views of this process are drawn in their own turn
             buffer.set_active(False)
-        grey = cv2.extractChannel(_pixels(self._mask, height, width), 1)
-        mask = np.asarray(cv2.LUT(grey, _CLASS_OF_GREY), np.uint8)
+        green = cv2.extractChannel(_pixels(self._mask, height, width), 1)
+        mask = np.asarray(cv2.LUT(green, _CLASS_OF_GREEN), np.uint8)
         return mask, cv2.cvtColor(_pixels(self._picture, height, width), cv2.COLOR_BGRA2RGB)
+
+    def numbers(self) -> NDArray[np.intp]:
+        """Return the number of the body at each pixel of the last picture, 0 for none."""
+        levels = _pixels(self._mask, *self._size)
+        return np.asarray(
+            _NUMBER_OF_LEVEL[levels[..., 2]] * _NUMBERS + _NUMBER_OF_LEVEL[levels[..., 0]], np.intp
+        )
 
     def _buffer(self, root: Any, name: str, bit: int) -> tuple[Any, Any]:
         p3d = self._p3d
@@ -259,11 +306,12 @@ class _View:
         buffer.make_display_region().set_camera(camera)
         return texture, camera
 
-    def _flat(self, kind: MaskClass) -> Any:
+    def _flat(self, kind: MaskClass, number: int = 0) -> Any:
         p3d = self._p3d
-        grey = int(kind) * _CLASS_STEP / 255.0
+        red, blue = divmod(number, _NUMBERS)
+        levels = red * _NUMBER_STEP, int(kind) * _CLASS_STEP, blue * _NUMBER_STEP
         return p3d.RenderState.make(
-            p3d.ColorAttrib.make_flat((grey, grey, grey, 1.0)),
+            p3d.ColorAttrib.make_flat((*(level / 255.0 for level in levels), 1.0)),
             p3d.LightAttrib.make_all_off(),
             p3d.TextureAttrib.make_all_off(),
             p3d.MaterialAttrib.make_off(),
@@ -284,105 +332,3 @@ def _pixels(texture: Any, height: int, width: int) -> NDArray[np.uint8]:
     """Return a buffer's pixels (height, width, 4), blue first, from the top."""
     data = np.frombuffer(texture.get_ram_image(), np.uint8)
     return data.reshape(height, width, -1)[::-1]
-
-
-def _geom(mesh: Mesh, name: str) -> Any:
-    """Return a node with a mesh."""
-    from panda3d import core as p3d
-
-    data = p3d.GeomVertexData(name, p3d.GeomVertexFormat.get_v3n3t2(), p3d.Geom.UH_static)
-    data.unclean_set_num_rows(len(mesh.points))
-    rows = np.concatenate([mesh.points, mesh.normals, mesh.uv], axis=1).astype(np.float32)
-    memoryview(data.modify_array(0)).cast("B").cast("f")[:] = rows.reshape(-1).data
-    triangles = p3d.GeomTriangles(p3d.Geom.UH_static)
-    triangles.set_index_type(p3d.Geom.NT_uint32)
-    corners = np.ascontiguousarray(mesh.faces.reshape(-1), np.uint32)
-    handle = triangles.modify_vertices()
-    handle.unclean_set_num_rows(len(corners))
-    memoryview(handle).cast("B").cast("I")[:] = corners.data
-    geom = p3d.Geom(data)
-    geom.add_primitive(triangles)
-    node = p3d.GeomNode(name)
-    node.add_geom(geom)
-    return node
-
-
-def _texture(image: NDArray[np.uint8]) -> Any:
-    from panda3d import core as p3d
-
-    height, width = image.shape[:2]
-    texture = p3d.Texture("surface")
-    texture.setup_2d_texture(width, height, p3d.Texture.T_unsigned_byte, p3d.Texture.F_rgb)
-    texture.set_ram_image(np.ascontiguousarray(image[::-1, :, ::-1]).tobytes())
-    texture.set_wrap_u(p3d.SamplerState.WM_repeat)
-    texture.set_wrap_v(p3d.SamplerState.WM_repeat)
-    texture.set_minfilter(p3d.SamplerState.FT_linear_mipmap_linear)
-    texture.set_magfilter(p3d.SamplerState.FT_linear)
-    return texture
-
-
-def _light(root: Any, daylight: Daylight) -> None:
-    from panda3d import core as p3d
-
-    ambient = p3d.AmbientLight("sky")
-    ambient.set_color((*daylight.ambient, 1.0))
-    root.set_light(root.attach_new_node(ambient))
-    sun = p3d.DirectionalLight("sun")
-    sun.set_color((*daylight.sun, 1.0))
-    height, azimuth = math.radians(daylight.sun_deg), math.radians(daylight.azimuth_deg)
-    flat = math.cos(height)
-    sun.set_direction((-flat * math.cos(azimuth), -flat * math.sin(azimuth), -math.sin(height)))
-    root.set_light(root.attach_new_node(sun))
-
-
-def _sky(scene: Scene, daylight: Daylight, seed: int) -> Any:
-    """Return a dome around the camera."""
-    from panda3d import core as p3d
-
-    rows, columns = 9, 25
-    v, u = np.meshgrid(np.linspace(1.0, -0.2, rows), np.linspace(0, 1, columns), indexing="ij")
-    ring = np.sqrt(np.clip(1 - v**2, 0, 1))
-    points = _SKY_M * np.stack([ring * np.cos(2 * np.pi * u), ring * np.sin(2 * np.pi * u), v], axis=-1)
-    uv = np.stack([u * 2, 1 - (1.0 - v) / 1.2], axis=-1).reshape(-1, 2)
-    faces = []
-    for i in range(rows - 1):
-        for j in range(columns - 1):
-            a, b = i * columns + j, i * columns + j + 1
-            faces += [(a, b, b + columns), (a, b + columns, a + columns)]
-    flat = points.reshape(-1, 3)
-    mesh = meshes.Mesh(flat, -flat / _SKY_M, uv, np.array(faces))
-    node = p3d.NodePath(_geom(mesh, "sky"))
-    node.set_texture(_texture(textures.sky(scene.sky_rgb, scene.haze_rgb, daylight.cloudy, seed)))
-    node.set_light_off()
-    node.set_two_sided(True)
-    node.set_bin("background", 0)
-    node.set_depth_write(False)
-    return node.node()
-
-
-def _soft_shadow(daylight: Daylight, height_m: float) -> Any:
-    """Return a person's shadow: a soft spot, stretched away from the sun."""
-    from panda3d import core as p3d
-
-    long_m = min(3.0, 0.35 * height_m / math.tan(math.radians(max(daylight.sun_deg, 10.0))))
-    azimuth = math.radians(daylight.azimuth_deg)
-    away = np.array([-math.cos(azimuth), -math.sin(azimuth)])
-    side = np.array([-away[1], away[0]])
-    corners = np.array([(-0.32, -0.32), (0.32 + long_m, -0.32), (0.32 + long_m, 0.32), (-0.32, 0.32)])
-    points = np.zeros((4, 3))
-    points[:, :2] = corners[:, :1] * away + corners[:, 1:] * side
-    uv = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], float)
-    mesh = meshes.Mesh(points, np.tile((0.0, 0.0, 1.0), (4, 1)), uv, np.array([(0, 1, 2), (0, 2, 3)]))
-    node = p3d.NodePath(_geom(mesh, "shadow"))
-    opacity = textures.shadow()
-    texture = p3d.Texture("shadow")
-    texture.setup_2d_texture(*opacity.shape, p3d.Texture.T_unsigned_byte, p3d.Texture.F_rgba)
-    image = np.zeros((*opacity.shape, 4), np.uint8)
-    image[..., 3] = opacity
-    texture.set_ram_image(image.tobytes())
-    node.set_texture(texture)
-    node.set_light_off()
-    node.set_two_sided(True)
-    node.set_transparency(p3d.TransparencyAttrib.M_alpha)
-    node.set_depth_write(False)
-    return node.node()
