@@ -147,7 +147,7 @@ def load_values(path: Path) -> Any:
         return torch.load(path, map_location="cpu", weights_only=True)
     except pickle.UnpicklingError as error:
         raise UsageError(
-            f"{path}: holds more than tensors and plain values, or is no checkpoint, so it is not loaded; "
+            f"{path}: holds more than tensors and plain values, or is not a checkpoint, so it is not loaded; "
             "save the state dict alone"
         ) from error
     except Exception as error:  # its unpickler raises whatever the bytes make it stumble over

@@ -19,7 +19,7 @@ from adatracker_deploy.sim.bodies import DriveSettings, KinematicBody
 BodyKind = Literal["differential", "quadruped", "drone"]
 
 DRONE_LAG_S, DRONE_DELAY_S = 0.3, 0.2
-"""What describes the simulated drone best: told these, of 12 pairs tried, the expert follows with it as well
+"""Lag and delay closest to the simulated drone's: of 12 pairs tried, the expert follows with these as well
 as with any, and they lie near its step response (half of a step of 2 m/s after 0.55 s, all after 1.5 s)."""
 
 
@@ -100,7 +100,7 @@ class SwayingBody(KinematicBody):
 
     @property
     def camera_pose(self) -> Pose:
-        """Where the mount puts the camera, moved by the gait: two footfalls a stride, one roll."""
+        """Pose of the camera in its mount, moved by the gait: two footfalls a stride, one roll."""
         share = min(1.0, self._speed_m_s() / self._WHOLE_SWAY_M_S)
         sway = Pose(
             z=-share * self._BOB_M * math.cos(2 * self._phase_rad),

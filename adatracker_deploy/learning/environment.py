@@ -1,8 +1,8 @@
 """The task as Gymnasium environments, which `adatracker_deploy.gym` registers (needs the train extra).
 
-`AdaTracker-v0` draws its episodes from the deploy recipe; `AdaTrackerClean-v0`, `AdaTrackerField-v0` and
-`AdaTrackerHard-v0` from the paper's 16 bodies under that condition. `reset(seed=...)` takes the seed of the
-episode itself (see `seeds`), later resets without one draw training seeds.
+`AdaTracker-v0` draws its episodes from the deploy recipe; `AdaTrackerClean-v0`, `AdaTrackerField-v0`,
+`AdaTrackerHard-v0` and `AdaTrackerWide-v0` from the paper's 16 bodies under that condition. `reset(seed=...)`
+takes the seed of the episode itself (see `seeds`), later resets without one draw training seeds.
 """
 
 from __future__ import annotations
@@ -10,12 +10,14 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from typing import Any, Literal
+from urllib.parse import urlencode
 
 import gymnasium
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from adatracker_deploy.core.camera import UNREAL
 from adatracker_deploy.core.messages import Truth
 from adatracker_deploy.core.task import MAX_LOST_STEPS
 from adatracker_deploy.learning.conditions import condition_named, make_cell, random_cell
@@ -23,6 +25,7 @@ from adatracker_deploy.learning.data.recipe import load_recipe
 from adatracker_deploy.learning.episode_spec import MASK_SIZE, EpisodeSpec
 from adatracker_deploy.learning.seeds import TRAINING
 from adatracker_deploy.learning.tracking import Tracking
+from adatracker_deploy.sim.worlds import check_scene
 
 Observed = NDArray[np.uint8]
 Rules = Literal["paper", "simulator"]
@@ -44,6 +47,7 @@ class TrackingEnv(gymnasium.Env[Observed, NDArray[np.float32]]):
     Args:
         condition: draw cells of this condition.
         recipe: draw episodes of this recipe, by name or path; used when no condition is given.
+        scene: of every episode, instead of what they would draw: a name, or an engine's level.
         height_m: of every episode's camera; only with a condition and a target's speed.
         target_speed_m_s: of every episode; only with a condition and a height.
         observe: what is observed.
@@ -52,7 +56,7 @@ class TrackingEnv(gymnasium.Env[Observed, NDArray[np.float32]]):
         render_mode: `rgb_array` or nothing.
 
     Raises:
-        UsageError: no such condition or recipe.
+        UsageError: no such condition, recipe or scene.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012 -- as Gymnasium has it
@@ -62,6 +66,7 @@ class TrackingEnv(gymnasium.Env[Observed, NDArray[np.float32]]):
         *,
         condition: str | None = None,
         recipe: str = "deploy",
+        scene: str | None = None,
         height_m: float | None = None,
         target_speed_m_s: float | None = None,
         observe: Literal["mask", "rgb"] = "mask",
@@ -71,6 +76,9 @@ class TrackingEnv(gymnasium.Env[Observed, NDArray[np.float32]]):
     ) -> None:
         self._condition = condition_named(condition) if condition else None
         self._recipe = None if condition else load_recipe(recipe)
+        if scene is not None:
+            check_scene(scene)
+        self._scene = scene
         self._cell = (height_m, target_speed_m_s)
         self._observe = observe
         self._rules = rules
@@ -90,6 +98,8 @@ class TrackingEnv(gymnasium.Env[Observed, NDArray[np.float32]]):
         super().reset(seed=seed)
         episode_seed = seed if seed is not None else int(self.np_random.integers(len(TRAINING)))
         spec: EpisodeSpec = (options or {}).get("spec") or self._draw(episode_seed)
+        if self._scene is not None:
+            spec = replace(spec, scene=self._scene)
         settings = spec.task_settings(self._steps)
         if self._rules == "simulator":
             settings = replace(
@@ -134,7 +144,7 @@ class TrackingEnv(gymnasium.Env[Observed, NDArray[np.float32]]):
 
     def _info(self, truth: Truth, *, visible: bool, dropped: bool) -> dict[str, Any]:
         assert self.tracking is not None
-        body = self.tracking.spec.embodiment
+        body = self.tracking.embodiment
         return {
             "distance_m": truth.distance_m,
             "bearing_rad": truth.bearing_rad,
@@ -150,3 +160,22 @@ class TrackingEnv(gymnasium.Env[Observed, NDArray[np.float32]]):
             "lag_s": body.lag_s,
             "delay_s": body.delay_s,
         }
+
+
+def unreal_env(
+    *, level: str, server: str = "127.0.0.1:9000", settings: str = "", condition: str = "clean", **kwargs: Any
+) -> TrackingEnv:
+    """Return the environment of an UnrealCV server's level.
+
+    Args:
+        level: the map's name.
+        server: its HOST:PORT; 9000 is UnrealCV's own port.
+        settings: UnrealZoo's setting file of the map; empty for none.
+        condition: ``clean`` or ``field``: an engine's people do not walk as ``hard`` has it.
+        **kwargs: the others of `TrackingEnv`.
+
+    Raises:
+        UsageError: see `TrackingEnv`.
+    """
+    query = f"?{urlencode({'settings': settings})}" if settings else ""
+    return TrackingEnv(condition=condition, scene=f"{UNREAL}{server}/{level}{query}", **kwargs)

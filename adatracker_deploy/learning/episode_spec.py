@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
+from adatracker_deploy.config.effects import NONE, Effects
 from adatracker_deploy.config.schema import Range
+from adatracker_deploy.learning.change import Change
 from adatracker_deploy.learning.embodiment import Embodiment
 from adatracker_deploy.sim.noise import MaskNoise, NoiseLevel
 from adatracker_deploy.sim.path import PathName
 from adatracker_deploy.sim.task import TaskSettings
-from adatracker_deploy.sim.world import World
+from adatracker_deploy.sim.worlds import open_world
+
+if TYPE_CHECKING:
+    from adatracker_deploy.sim.backend import WorldBackend
 
 RATE_HZ = 10.0
 """Rate of learning and evaluation, Hz: the one at which the published policy reproduced its scores."""
@@ -21,7 +26,10 @@ MASK_SIZE = 64
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EpisodeSpec:
-    """One episode, to the bit: equal specs give equal episodes under equal actions."""
+    """One episode, to the bit: equal specs give equal episodes under equal actions.
+
+    In a level of Unreal's engine they give equal bodies, noise and speeds, but its people walk as they like.
+    """
 
     seed: Annotated[int, Range(0, 1 << 62)]
     """Seed of the world, the body and the mask noise; see `seeds`."""
@@ -33,12 +41,21 @@ class EpisodeSpec:
     others: Annotated[int, Range(0, 20)] = 0
     """Other people who walk about."""
     crossing: Annotated[int, Range(0, 20)] = 0
-    """How many of the others make for the line of sight and linger there."""
+    """Number of the others who make for the line of sight and linger there."""
     noise: NoiseLevel = "none"
+    change: Change | None = None
+    """What happens to the body on the way."""
+    effects: Effects = NONE
+    """Fog and a rough road are in the pictures of real segmenters alone."""
 
-    def world(self) -> World:
-        """Return the world, not stepped yet."""
-        return World(
+    def world(self) -> WorldBackend:
+        """Return the world, not stepped yet.
+
+        Raises:
+            UsageError: no such scene or path, or what simulates it is missing.
+            PlatformError: the engine that simulates it fails.
+        """
+        return open_world(
             self.scene,
             seed=self.seed,
             target_speed_m_s=self.target_speed_m_s,
@@ -46,6 +63,7 @@ class EpisodeSpec:
             obstacles=self.obstacles,
             others=self.others,
             crossing=self.crossing,
+            effects=self.effects,
         )
 
     def mask_noise(self) -> MaskNoise:

@@ -22,15 +22,17 @@ from numpy.typing import NDArray
 from adatracker_deploy.core.geometry import wrap_angle
 from adatracker_deploy.core.messages import Twist
 from adatracker_deploy.core.task import DESIRED_DISTANCE_M
+from adatracker_deploy.learning.embodiment import Embodiment
 from adatracker_deploy.learning.episode_spec import RATE_HZ
 from adatracker_deploy.learning.tracking import Tracking
+from adatracker_deploy.sim.bodies import lag_share
 
 _DT_S = 1.0 / RATE_HZ
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExpertGains:
-    """How it steers."""
+    """The gains of the expert's controller."""
 
     lags: float = 0.5
     """It means to be right again this many of the body's lags, and one step, after its action works."""
@@ -42,7 +44,7 @@ class ExpertGains:
 
 @dataclass(frozen=True, slots=True)
 class _State:
-    """Where the body is and how fast it goes."""
+    """The body's position and velocity."""
 
     x: float
     y: float
@@ -52,17 +54,24 @@ class _State:
 
 
 class Expert:
-    """The expert in one episode; it must be told every executed action, its own or not."""
+    """The expert in one episode; it must be given every executed action, its own or not."""
 
     def __init__(self, tracking: Tracking, gains: ExpertGains | None = None) -> None:
         self._tracking = tracking
         self._gains = gains or ExpertGains()
         body = tracking.spec.embodiment
-        self._limits = body
-        self._share = 1.0 - math.exp(-_DT_S / body.lag_s) if body.lag_s > 0 else 1.0
         self._delayed: deque[Twist] = deque([Twist()] * round(body.delay_s / _DT_S))
         self._target = tracking.task.world.target_xy
         self._speed = self._heading = self._turning = 0.0
+
+    @property
+    def _limits(self) -> Embodiment:
+        return self._tracking.embodiment
+
+    @property
+    def _share(self) -> float:
+        """Share of a difference in speed that the body closes in a step."""
+        return lag_share(self._limits.lag_s, _DT_S)
 
     def act(self) -> NDArray[np.float32]:
         """Return the action for now, shape (2,) in [-1, 1]; call once a step, before the step is made."""

@@ -38,7 +38,7 @@ _GOLDEN_SEED = 20
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Parts:
-    """What `write_bundle` takes."""
+    """The arguments of `write_bundle`."""
 
     manifest: Manifest
     encoder: bytes | None
@@ -99,12 +99,12 @@ def export_checkpoint(
 
 
 def largest_difference(bundle: Bundle) -> float:
-    """Return max |torch - onnxruntime| over the golden vectors: actions and, with an encoder, contexts."""
+    """Return max |torch - onnxruntime| over the golden vectors: actions, contexts and beliefs."""
     policy = OnnxPolicy(bundle)
     largest = 0.0
     for tick, mask in enumerate(bundle.golden["mask"]):
         action, z = policy.step(mask)
-        for name, got in (("action", action), ("z", z)):
+        for name, got in (("action", action), ("z", z), ("belief", policy.belief)):
             if got is not None:
                 largest = max(largest, float(np.abs(got - bundle.golden[name][tick]).max()))
     return largest
@@ -133,6 +133,7 @@ def _adatracker(checkpoint: AdaTracker, meta: CheckpointMeta, interface: Encoder
         history=config.history,
         features=config.features + config.actions,
         last_action=config.last_action,
+        belief=config.belief,
     )
     return _Parts(
         manifest=_manifest(

@@ -50,19 +50,26 @@ class StreamingEncoder(nn.Module):
 
 
 class ContextPolicyStep(nn.Module):
-    """AdaTracker's policy, one tick, with those of z (1, Z) and last_action (1, A) that it uses."""
+    """AdaTracker's policy, one tick, with those of z (1, Z), last_action (1, A) and belief that it uses."""
 
     def __init__(self, policy: ContextPolicy) -> None:
         super().__init__()
         self.policy = policy
 
     def forward(self, mask: Tensor, *told: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Return (action (1, A) in [-1, 1], h_next, c_next (1, 1, H)) of mask, [z], [last_action], h, c."""
+        """Return (action (1, A) in [-1, 1], h_next, c_next (1, 1, H)).
+
+        Args:
+            mask: (1, C, S, S).
+            told: [z], [last_action], [belief], h, c.
+        """
         config = self.policy.config
         *given, h, c = told
-        z = given[0].unsqueeze(1) if config.context else None
-        last_action = given[-1].unsqueeze(1) if config.last_action else None
-        mean, _, state = self.policy(mask.unsqueeze(1), z, (h, c), last_action)
+        rest = [part.unsqueeze(1) for part in given]
+        z = rest.pop(0) if config.context else None
+        last_action = rest.pop(0) if config.last_action else None
+        belief = rest.pop(0) if config.belief else None
+        mean, _, state = self.policy(mask.unsqueeze(1), z, (h, c), last_action, belief)
         return torch.tanh(mean.squeeze(1)), *state
 
 

@@ -42,25 +42,25 @@ def reward_loss(predicted: Tensor, rewards: Tensor, weight: Tensor) -> Tensor:
 
 
 def height_loss(predicted: Tensor, height_m: Tensor, weight: Tensor) -> Tensor:
-    """Return ``L_height`` of predicted heights (B, L) and the episodes' heights (B,), m."""
-    return mean_where((predicted - height_m[:, None]) ** 2, weight)
+    """Return ``L_height`` of predicted heights (B, L) and the episodes' heights (B,), m; NaN: unknown."""
+    return mean_where(_error(predicted, height_m[:, None]) ** 2, weight)
 
 
 def dynamics_targets(log_limits: Tensor, lag_s: Tensor, delay_s: Tensor) -> Tensor:
-    """Return what the dynamics head predicts, (B, 4): forward and yaw limit, lag and delay, in their units.
+    """Return what the dynamics head predicts, (B, L, 4): forward and yaw limit, lag, delay, in their units.
 
     Args:
-        log_limits: (B, 3), natural logarithms of the limits forward, backward (m/s) and yaw (rad/s).
-        lag_s: (B,).
-        delay_s: (B,).
+        log_limits: (B, L, 3), natural logarithms of the limits forward, backward (m/s) and yaw (rad/s).
+        lag_s: (B, L).
+        delay_s: (B, L).
     """
-    told = torch.stack((log_limits[:, 0], log_limits[:, 2], lag_s, delay_s), dim=-1)
+    told = torch.stack((log_limits[..., 0], log_limits[..., 2], lag_s, delay_s), dim=-1)
     return told / torch.tensor(DYNAMICS_UNITS, device=told.device)
 
 
 def dynamics_loss(predicted: Tensor, targets: Tensor, weight: Tensor) -> Tensor:
-    """Return the mean squared error of predictions (B, L, 4) of targets (B, 4); ours."""
-    return mean_where(((predicted - targets[:, None]) ** 2).mean(-1), weight)
+    """Return the mean squared error of predictions and targets, each (B, L, 4), NaN: unknown; ours."""
+    return mean_where((_error(predicted, targets) ** 2).mean(-1), weight)
 
 
 def consistency_loss(z: Tensor, start: Tensor, weight: Tensor, first: int) -> Tensor:
@@ -78,3 +78,9 @@ def consistency_loss(z: Tensor, start: Tensor, weight: Tensor, first: int) -> Te
     near = functional.cosine_similarity(average[:, None], z, dim=-1)
     early = (weight * start[:, None])[:, :first]
     return mean_where(1.0 - near[:, :first], early)
+
+
+def _error(predicted: Tensor, targets: Tensor) -> Tensor:
+    """Return predictions less targets; 0, without a gradient, where a target is not known."""
+    difference = predicted - targets.nan_to_num()
+    return torch.where(targets.isnan(), torch.zeros_like(difference), difference)

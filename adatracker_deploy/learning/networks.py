@@ -18,6 +18,7 @@ from torch.nn import functional
 
 from adatracker_deploy.config.schema import Range
 from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.policy import belief
 
 LstmState = tuple[Tensor, Tensor]
 """(h, c) of a one-layer LSTM, each (1, B, H); zeros begin an episode."""
@@ -49,7 +50,9 @@ class AdaTrackerConfig:
     actor: Annotated[int, Range(1, 4096)] = 128
     """Width of the actor's hidden layer."""
     last_action: bool = False
-    """The policy is also told its last action; ours, not the paper's."""
+    """The policy's last action is also an input; ours, not the paper's."""
+    belief: bool = False
+    """The belief across gaps (`policy.belief`) is also an input; ours, not the paper's."""
     lstm: bool = True
     """Without, a layer of the same width without memory is in the place of the policy's LSTM."""
 
@@ -78,7 +81,27 @@ class Backbone(nn.Module):
 
     def forward(self, mask: Tensor) -> Tensor:
         """Return the features, non-negative."""
-        x = functional.relu(self.patches(mask))
+        return self._beyond(functional.relu(self.patches(mask)))
+
+    def of_patches(self, kinds: Tensor, place: Tensor) -> Tensor:
+        """Return the same (B, T, features) of masks that are given by their different patches.
+
+        The first layer then looks at each patch once, however often it occurs.
+
+        Args:
+            kinds: (U, C, 4, 4).
+            place: (B, T, P), int64: which of them each patch of a mask is, by rows.
+        """
+        first = functional.relu(self.patches(kinds)).flatten(1)
+        across = math.isqrt(place.shape[-1])
+        # A gather, as its gradient takes half the time of an embedding's.
+        x = first.gather(0, place.reshape(-1, 1).expand(-1, first.shape[1]))
+        x = x.reshape(-1, across, across, first.shape[1])
+        features: Tensor = self._beyond(x.permute(0, 3, 1, 2))
+        return features.reshape(*place.shape[:2], -1)
+
+    def _beyond(self, x: Tensor) -> Tensor:
+        """Return the features of the first layer's output (N, 16, S / 4, S / 4)."""
         x = functional.relu(self.conv1(x))
         x = functional.relu(self.conv2(x))
         return functional.relu(self.project(x.flatten(1)))
@@ -192,7 +215,8 @@ class Critic(nn.Module):
 class ContextPolicy(nn.Module):
     """``u_t = concat(CNN(m_t), z_t); x_t, (h_t, c_t) = LSTM(u_t, (h_{t-1}, c_{t-1}))``, and an actor on x_t.
 
-    At deployment the action is tanh of the mean. Variants leave z out, or put the last action beside it.
+    At deployment the action is tanh of the mean. Variants leave z out, or put the last action or the belief
+    across gaps beside it.
     """
 
     def __init__(self, config: AdaTrackerConfig) -> None:
@@ -200,6 +224,7 @@ class ContextPolicy(nn.Module):
         self.config = config
         self.backbone = Backbone(config)
         inputs = config.features + config.context + (config.actions if config.last_action else 0)
+        inputs += belief.SIZE if config.belief else 0
         self.memory = (
             nn.LSTM(inputs, config.hidden, batch_first=True)
             if config.lstm
@@ -213,6 +238,7 @@ class ContextPolicy(nn.Module):
         z: Tensor | None,
         state: LstmState | None = None,
         last_actions: Tensor | None = None,
+        beliefs: Tensor | None = None,
     ) -> tuple[Tensor, Tensor, LstmState | None]:
         """Return (mean, log_std, state) over a sequence.
 
@@ -221,11 +247,12 @@ class ContextPolicy(nn.Module):
             z: (B, T, Z); None without an encoder.
             state: of the step before; zeros if None.
             last_actions: (B, T, A), of the steps before; None where the configuration leaves them out.
+            beliefs: (B, T, `belief.SIZE`), likewise.
 
         Returns:
             mean and log_std, each (B, T, A), before tanh, and the state after the last step.
         """
-        x, state = self.recall(self.backbone.sequences(masks), z, state, last_actions)
+        x, state = self.recall(self.backbone.sequences(masks), z, state, last_actions, beliefs)
         mean, log_std = self.actor(x)
         return mean, log_std, state
 
@@ -235,9 +262,10 @@ class ContextPolicy(nn.Module):
         z: Tensor | None,
         state: LstmState | None = None,
         last_actions: Tensor | None = None,
+        beliefs: Tensor | None = None,
     ) -> tuple[Tensor, LstmState | None]:
         """Return x (B, T, H) and the state after the last step, of the backbone's features (B, T, F)."""
-        u = torch.cat([part for part in (features, z, last_actions) if part is not None], dim=-1)
+        u = torch.cat([part for part in (features, z, last_actions, beliefs) if part is not None], dim=-1)
         if isinstance(self.memory, nn.LSTM):
             x, state = self.memory(u, state)
             return x, state

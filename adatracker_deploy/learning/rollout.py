@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from adatracker_deploy.core.messages import ClassMask, MaskClass
-from adatracker_deploy.learning.checkpoint import Checkpoint, OfflineEvt
-from adatracker_deploy.learning.networks import ContextEncoder, ContextPolicy, LstmState
+from adatracker_deploy.learning.checkpoint import AdaTracker, Checkpoint, CheckpointMeta, OfflineEvt
+from adatracker_deploy.learning.networks import LstmState
+from adatracker_deploy.policy import belief
+from adatracker_deploy.policy.belief import Array
 from adatracker_deploy.policy.drawing import MaskPainter
 from adatracker_deploy.policy.golden import Golden
 from adatracker_deploy.policy.manifest import MaskSpec
@@ -24,7 +26,7 @@ def rollout(checkpoint: Checkpoint, masks: NDArray[np.float32]) -> Golden:
         masks: network inputs, (T, C, S, S).
 
     Returns:
-        mask (the masks given), action (T, A) and, with an encoder, z (T, Z).
+        mask (the masks given), action (T, A), z (T, Z) with an encoder, belief (T, `belief.SIZE`) with one.
     """
     answers = {"mask": masks}
     with torch.no_grad():
@@ -32,15 +34,23 @@ def rollout(checkpoint: Checkpoint, masks: NDArray[np.float32]) -> Golden:
         if isinstance(checkpoint, OfflineEvt):
             mean, _ = checkpoint.policy(seen[None])
             return answers | {"action": torch.tanh(mean[0]).numpy()}
-        actions, contexts = _adatracker(checkpoint.encoder, checkpoint.policy, seen)
+        actions, contexts = _adatracker(checkpoint, seen)
     answers["action"] = actions.numpy()
+    if checkpoint.policy.config.belief:
+        answers["belief"] = _beliefs(masks, answers["action"], checkpoint.meta)
     return answers if checkpoint.encoder is None else answers | {"z": contexts.numpy()}
 
 
-def _adatracker(
-    encoder: ContextEncoder | None, policy: ContextPolicy, masks: Tensor
-) -> tuple[Tensor, Tensor]:
+def _beliefs(masks: NDArray[np.float32], actions: NDArray[np.float32], meta: CheckpointMeta) -> Array:
+    """Return the beliefs (T, `belief.SIZE`) of masks (T, C, S, S) and the actions (T, A) after them."""
+    target = np.stack([belief.target_pixels(mask, meta.mask) for mask in masks])
+    drives = belief.drive_of(actions, meta.action)
+    return belief.over_time(belief.sight_of(target), drives, 1.0 / meta.rate_hz)
+
+
+def _adatracker(checkpoint: AdaTracker, masks: Tensor) -> tuple[Tensor, Tensor]:
     """Return actions (T, A) and contexts (T, Z); pairs and actions from before the episode are zeros."""
+    encoder, policy, meta = checkpoint.encoder, checkpoint.policy, checkpoint.meta
     config = policy.config
     past_masks = torch.cat((torch.zeros(config.history, *masks.shape[1:]), masks))
     past_actions = torch.zeros(config.history + len(masks), config.actions)
@@ -52,7 +62,12 @@ def _adatracker(
         if encoder is not None:
             z = encoder(past_masks[None, window], past_actions[None, window])[None]
             contexts[tick] = z[0, 0]
-        mean, _, state = policy(mask[None, None], z, state, last_action if config.last_action else None)
+        believed = None
+        if config.belief:
+            own = past_actions[config.history :][: tick + 1].numpy()
+            believed = torch.from_numpy(_beliefs(masks[: tick + 1].numpy(), own, meta)[None, -1:])
+        told = last_action if config.last_action else None
+        mean, _, state = policy(mask[None, None], z, state, told, believed)
         last_action = torch.tanh(mean)
         past_actions[tick + config.history] = last_action[0, 0]
     return past_actions[config.history :], contexts

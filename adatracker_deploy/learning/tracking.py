@@ -10,16 +10,18 @@ import numpy as np
 
 from adatracker_deploy.core.messages import Box, Observation
 from adatracker_deploy.policy.base import FORWARD_YAW, ActionSpec, to_twist
+from adatracker_deploy.sim.bodies import KinematicBody
 from adatracker_deploy.sim.task import Task, TaskSettings
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from adatracker_deploy.core.messages import Truth, Twist
+    from adatracker_deploy.learning.embodiment import Embodiment
     from adatracker_deploy.learning.episode_spec import EpisodeSpec
 
 ACTION: ActionSpec = FORWARD_YAW
-"""What the two numbers of an action mean: forward, then yaw, counter-clockwise positive."""
+"""The meaning of an action's two numbers: forward, then yaw, counter-clockwise positive."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +38,12 @@ class Tick:
 
 
 class Tracking:
-    """`begin`, then `step` until a tick says how it ended."""
+    """`begin`, then `step` until a tick says how it ended.
+
+    Attributes:
+        embodiment: what the body is now; another than the spec's after its change.
+        limits: the speeds that an action of 1 stands for now.
+    """
 
     def __init__(self, spec: EpisodeSpec, settings: TaskSettings | None = None) -> None:
         """Build the spec's world and body.
@@ -49,7 +56,7 @@ class Tracking:
             UsageError: the world or the body is not installed, or there is no such scene.
         """
         self.spec = spec
-        self.limits = spec.embodiment.limits()
+        self._become(spec.embodiment)
         self.task = Task(spec.world(), spec.embodiment.body(), settings or spec.task_settings())
         self._noise = spec.mask_noise()
 
@@ -64,8 +71,21 @@ class Tracking:
     def follow(self, command: Twist) -> Tick:
         """Follow a velocity command for one period."""
         outcome = self.task.step(command)
+        change = self.spec.change
+        if change is not None and outcome.observation.seq == change.at_step:
+            self._become(change.of(self.spec.embodiment))
+            self._slow_down()
         observation, dropped = self._spoil(outcome.observation)
         return Tick(observation, dropped, outcome.truth, outcome.reward, outcome.visible, outcome.end)
+
+    def _become(self, embodiment: Embodiment) -> None:
+        self.embodiment = embodiment
+        self.limits = embodiment.limits()
+
+    def _slow_down(self) -> None:
+        body = self.task.body
+        if isinstance(body, KinematicBody):
+            body.settings = dataclasses.replace(body.settings, lag_s=self.embodiment.lag_s)
 
     def _spoil(self, seen: Observation) -> tuple[Observation, bool]:
         mask, dropped = self._noise(seen.mask)

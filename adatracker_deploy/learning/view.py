@@ -7,7 +7,7 @@ import math
 from adatracker_deploy.core.task import DESIRED_DISTANCE_M
 
 _CHEST_M = 1.3
-"""What has to be seen: the middle of a trunk. A level camera at 3 m sees it, at 90 degrees, and no legs."""
+"""Height to be seen: the middle of a trunk. A level camera at 3 m sees it, at 90 degrees, and no legs."""
 _INNER = 0.9
 """Within this share of half the field of view, by angle."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 
@@ -43,7 +43,7 @@ FORWARD_YAW: ActionSpec = (ActionAxis(axis="forward"), ActionAxis(axis="yaw"))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PolicyInfo:
-    """What the loop and the log need to know of a policy."""
+    """The facts about a policy that the loop and the log need."""
 
     name: str
     rate_hz: float
@@ -51,11 +51,15 @@ class PolicyInfo:
     action: ActionSpec
     sha256: tuple[tuple[str, str], ...] = ()
     """(file, digest) of everything it was loaded from."""
+    source: str = ""
+    """Its address and commit on the Hub; empty for one of this machine."""
     server: str = ""
     """The address of the machine that it runs on; empty for this process."""
+    runs_on: str = ""
+    """The execution provider that its network was granted, as in ``cpu``; empty for one without a network."""
 
 
-class NoAnswer(Exception):  # noqa: N818 -- it is no error: the robot stands still meanwhile
+class NoAnswer(Exception):  # noqa: N818 -- not an error: the robot stands still meanwhile
     """A policy on another machine has not answered yet."""
 
 
@@ -74,11 +78,11 @@ class Policy(Protocol):
 
         Raises:
             NoAnswer: there is none yet; only policies elsewhere are late.
-            PlatformError: its server is gone, or answers what is no action.
+            PlatformError: its server is gone, or answers an invalid action.
         """
 
 
-def to_twist(values: NDArray[np.float32], spec: ActionSpec, limits: Limits) -> Twist:
+def to_twist(values: NDArray[np.floating[Any]], spec: ActionSpec, limits: Limits) -> Twist:
     """Turn an action into a velocity: each number times the robot's limit on its axis, or itself.
 
     Beyond the robot's limit it is clipped; NaN and infinity are kept for the gate to refuse.

@@ -1,7 +1,8 @@
 """Policy bundles on disk: folders whose content must match their manifest to the byte.
 
     manifest.yaml   what the policy is; its first line seals the rest
-    policy.onnx     (mask, z, h, c) -> (action, h_next, c_next); last_action among the inputs where it is used
+    policy.onnx     (mask, z, h, c) -> (action, h_next, c_next); last_action and belief among the inputs
+                    where they are used
     encoder.onnx    mask-action pairs -> z; not there where the interface is `none`
     golden.npz      inputs from a reset on, and the answers to them
 
@@ -34,7 +35,9 @@ from adatracker_deploy.policy.manifest import (
 from adatracker_deploy.policy.onnx_graph import check_graph
 
 __all__ = [
+    "CARD_NAME",
     "ENCODER_NAME",
+    "FILE_NAMES",
     "FORMAT",
     "GOLDEN_NAME",
     "GOLDEN_TICKS",
@@ -55,6 +58,10 @@ __all__ = [
 
 MANIFEST_NAME, POLICY_NAME, ENCODER_NAME = "manifest.yaml", "policy.onnx", "encoder.onnx"
 GOLDEN_NAME = "golden.npz"
+FILE_NAMES = (MANIFEST_NAME, POLICY_NAME, ENCODER_NAME, GOLDEN_NAME)
+"""All that a bundle may consist of."""
+CARD_NAME = "MODEL_CARD.md"
+"""Tells people about the policy; beside the bundle's files, and none of them."""
 
 _MANIFEST_CAP_BYTES = 64 << 10
 _FILE_CAP_BYTES = 64 << 20
@@ -72,6 +79,8 @@ class Bundle:
     golden: Golden
     sha256: tuple[tuple[str, str], ...]
     """(file, digest), the manifest's own among them."""
+    source: str = ""
+    """Its address and commit on the Hub; empty for one of this machine."""
 
 
 def load_bundle(folder: Path) -> Bundle:
@@ -139,7 +148,7 @@ def write_bundle(
     path = folder / MANIFEST_NAME
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name in (MANIFEST_NAME, POLICY_NAME, ENCODER_NAME, GOLDEN_NAME):
+        for name in FILE_NAMES:
             (folder / name).unlink(missing_ok=True)
         for name, data in contents.items():
             (folder / name).write_bytes(data)

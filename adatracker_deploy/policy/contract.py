@@ -1,4 +1,4 @@
-"""What a policy on another machine is told and answers: pure functions of messages, without a socket.
+"""The messages to and from a policy on another machine: pure functions, without a socket.
 
 The messages are openpi's: metadata first, then observations and answers in turn. What is ours lies in the
 metadata under ``adatracker`` (`Contract`); docs/remote.md has the whole of it.
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from adatracker_deploy.core.messages import Observation, PlatformState
 
 KEY = "adatracker"
-"""Of the metadata: where a server says its contract."""
+"""Key of the metadata under which a server states its contract."""
 LONGEST_CHUNK = 1024
 """Rows of a chunk; more is a mistake of shapes."""
 LONGEST_CONTEXT = 4096
@@ -32,7 +32,7 @@ Observed = Literal["mask", "box", "confidence", "image", "state", "prompt"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contract:
-    """What a server's policy is, wants to see, and means by its numbers."""
+    """A server's contract: the policy's name, its inputs, and the units of its outputs."""
 
     name: str
     rate_hz: Annotated[float, Range(1, 100)]
@@ -41,6 +41,8 @@ class Contract:
     observation: tuple[Observed, ...] = ("mask",)
     sha256: dict[str, str] = field(default_factory=dict)
     """Digests of what it was loaded from, by file."""
+    runs_on: str = ""
+    """The execution provider that the server's network was granted; empty where it does not say."""
 
     def info(self, server: str) -> PolicyInfo:
         """Return what the loop and the log need to know; `server` is its address."""
@@ -50,6 +52,7 @@ class Contract:
             action=self.action,
             sha256=tuple(self.sha256.items()),
             server=server,
+            runs_on=self.runs_on,
         )
 
 
@@ -63,7 +66,7 @@ class Reply:
     request: int | None
     """The number of the request that it answers; None from servers that do not repeat it."""
     server_ms: float | None
-    """What inference took, by the server's clock."""
+    """Inference time, by the server's clock."""
 
 
 def written(info: PolicyInfo, observed: tuple[Observed, ...]) -> dict[str, Any]:
@@ -75,6 +78,7 @@ def written(info: PolicyInfo, observed: tuple[Observed, ...]) -> dict[str, Any]:
             "action": [{"axis": entry.axis, "sign": entry.sign, "unit": entry.unit} for entry in info.action],
             "observation": list(observed),
             "sha256": dict(info.sha256),
+            "runs_on": info.runs_on,
         }
     }
 
@@ -88,13 +92,14 @@ def read_contract(metadata: Any) -> Contract:
     said = metadata.get(KEY) if isinstance(metadata, dict) else None
     if not isinstance(said, dict):
         raise UsageError(
-            f"its metadata does not say what it sees and drives: it needs {KEY}: {{name, rate_hz, action, "
-            "observation}"
+            f"its metadata lacks a contract: it needs {KEY}: {{name, rate_hz, action, observation}}"
         )
     known = {name: value for name, value in said.items() if name in Contract.__dataclass_fields__}
     contract = parse(Contract, known, where="its metadata")
     if not contract.name.isprintable() or not 0 < len(contract.name) <= 64:
         raise UsageError("its metadata: name: expected 1 to 64 printable characters")
+    if contract.runs_on and not (contract.runs_on.isprintable() and len(contract.runs_on) <= 64):
+        raise UsageError("its metadata: runs_on: expected at most 64 printable characters")
     axes = [entry.axis for entry in contract.action]
     if not axes or len(axes) != len(set(axes)):
         raise UsageError(f"its metadata: action must name at least one axis and none twice, got {axes}")
@@ -167,7 +172,7 @@ def _context(said: Any) -> NDArray[np.float32] | None:
     if said is None:
         return None
     if not isinstance(said, np.ndarray) or said.dtype.kind != "f" or said.ndim != 1:
-        raise ValueError("a context that is no array of numbers")
+        raise ValueError("a context that is not an array of numbers")
     if said.size > LONGEST_CONTEXT:
         raise ValueError(f"a context of {said.size} numbers: expected at most {LONGEST_CONTEXT}")
     return said.astype(np.float32)
@@ -175,7 +180,7 @@ def _context(said: Any) -> NDArray[np.float32] | None:
 
 def _whole(said: Any) -> int | None:
     if said is not None and (not isinstance(said, int) or isinstance(said, bool)):
-        raise ValueError("an answer whose request is no number")
+        raise ValueError("an answer whose request is not a number")
     return said
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.policy import belief
 from adatracker_deploy.policy.manifest import Manifest
 
 GOLDEN_TICKS = 24
@@ -18,7 +19,8 @@ GOLDEN_TOLERANCE = 1e-4
 """Largest difference of any number of an answer; kernels on different processors round differently."""
 
 Golden = Mapping[str, NDArray[np.float32]]
-"""mask (T, C, S, S), action (T, A) and, with an encoder, z (T, Z): a run from reset, own actions fed back."""
+"""mask (T, C, S, S), action (T, A) and, where the policy has them, z (T, Z) and belief (T, `belief.SIZE`): a
+run from reset, own actions fed back."""
 
 _CAP_BYTES = 64 << 20
 
@@ -43,6 +45,8 @@ def unpack_golden(data: bytes, manifest: Manifest, *, where: str) -> Golden:
     }
     if manifest.encoder is not None:
         shapes["z"] = (ticks, manifest.context)
+    if manifest.believes:
+        shapes["belief"] = (ticks, belief.SIZE)
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as packed:
             unpacked_bytes = sum(entry.file_size for entry in packed.infolist())

@@ -2,7 +2,8 @@
 
 The runtime answers tick t with `policy(mask_t, z_t)`, where z_t comes from the K mask-action pairs of the
 ticks t-K to t-1. A pair from before the episode is blank: a mask and an action of zeros. A policy whose graph
-lists an input `last_action` is handed its own answer of tick t-1 as well, zeros at the first tick.
+lists an input `last_action` is handed its own answer of tick t-1 as well, zeros at the first tick. One that
+lists an input `belief` is handed what `belief.told` says of the masks up to t and its own answers up to t-1.
 """
 
 from __future__ import annotations
@@ -12,13 +13,14 @@ from typing import Annotated, Literal
 
 from adatracker_deploy.config.schema import Range
 from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.policy import belief as gaps
 from adatracker_deploy.policy.base import ActionAxis
 
 FORMAT = 1
 """The bundle format that this code reads and writes."""
 
 Interface = Literal["streaming", "window", "none"]
-"""How the context encoder is called: a pair a tick, K pairs at once, or there is none."""
+"""The call of the context encoder: a pair a tick, K pairs at once, or none."""
 
 Colour = tuple[Annotated[int, Range(0, 255)], ...]
 """One value a channel of the drawn mask."""
@@ -29,7 +31,7 @@ PaletteEntry = Literal["random"] | Colour
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Palette:
-    """What each class of a mask is drawn in."""
+    """The colour of each class in a drawn mask."""
 
     background: Colour
     target: Colour
@@ -39,7 +41,7 @@ class Palette:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MaskSpec:
-    """How a class mask becomes a network's input."""
+    """The drawing of a class mask as a network's input."""
 
     size: Annotated[int, Range(8, 512)]
     """Rows and columns of the input, S."""
@@ -70,7 +72,7 @@ class GraphSpec:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileSpec:
-    """What a file of the bundle must be, to the byte."""
+    """The expected size and digest of a bundle's file."""
 
     sha256: str
     bytes: int
@@ -96,10 +98,15 @@ class Manifest:
     encoder: GraphSpec | None
     policy: GraphSpec
     training: str
-    """How it was trained; the first line describes the policy in lists."""
+    """A description of the training; its first line describes the policy in lists."""
     licence: str
     files: dict[str, FileSpec] = field(default_factory=dict)
     """By file name; filled in by `bundle.write_bundle`."""
+
+    @property
+    def believes(self) -> bool:
+        """Whether the policy is handed the belief across gaps."""
+        return _last_dimension(self.policy, "belief") > 0
 
 
 def graph_specs(
@@ -112,8 +119,9 @@ def graph_specs(
     history: int = 0,
     features: int = 0,
     last_action: bool = False,
+    belief: bool = False,
 ) -> tuple[GraphSpec | None, GraphSpec]:
-    """Return what the encoder (None where there is none) and the policy must take and give.
+    """Return the inputs and outputs of the encoder (None without one) and of the policy.
 
     Args:
         interface: how the encoder is called.
@@ -124,12 +132,21 @@ def graph_specs(
         history: pairs remembered, K.
         features: numbers kept of one pair by a streaming encoder, F.
         last_action: the policy is handed its last answer.
+        belief: the policy is handed the belief across gaps.
     """
     picture = (mask.channels, mask.size, mask.size)
     state, z = (1, 1, hidden), () if interface == "none" else (_tensor("z", 1, context),)
     last = (_tensor("last_action", 1, actions),) if last_action else ()
+    believed = (_tensor("belief", 1, gaps.SIZE),) if belief else ()
     policy = GraphSpec(
-        inputs=(_tensor("mask", 1, *picture), *z, *last, _tensor("h", *state), _tensor("c", *state)),
+        inputs=(
+            _tensor("mask", 1, *picture),
+            *z,
+            *last,
+            *believed,
+            _tensor("h", *state),
+            _tensor("c", *state),
+        ),
         outputs=(_tensor("action", 1, actions), _tensor("h_next", *state), _tensor("c_next", *state)),
     )
     if interface == "none":
@@ -176,7 +193,10 @@ def check_manifest(manifest: Manifest, *, where: str) -> None:
         history=manifest.history,
         features=_last_dimension(manifest.encoder, "history"),
         last_action=_last_dimension(manifest.policy, "last_action") > 0,
+        belief=manifest.believes,
     )
+    if manifest.believes:
+        _check_believer(manifest, where)
     _check_graph(manifest.encoder, encoder, f"{where}: encoder")
     _check_graph(manifest.policy, policy, f"{where}: policy")
 
@@ -189,6 +209,18 @@ def _check_palette(mask: MaskSpec, where: str) -> None:
             raise UsageError(
                 f"{where}: mask.palette.{key}: expected {mask.channels} values, got {len(colour)}"
             )
+
+
+def _check_believer(manifest: Manifest, where: str) -> None:
+    """Refuse a belief that could not be computed: the target's pixels and its own drive must be known."""
+    palette = manifest.mask.palette
+    if palette.target in (palette.background, palette.person, palette.obstacle):
+        raise UsageError(f"{where}: mask.palette.target must be a colour of its own for the policy's belief")
+    drives = {entry.axis for entry in manifest.action if entry.unit == "limit"}
+    if not {"forward", "yaw"} <= drives:
+        raise UsageError(
+            f"{where}: action needs forward and yaw as fractions of the limits for the policy's belief"
+        )
 
 
 def _last_dimension(graph: GraphSpec | None, name: str) -> int:

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 LARGEST_BYTES = 64 << 20
-"""Of a message; a picture of 1920 x 1080 is 6 MB."""
+"""Largest message; a picture of 1920 x 1080 is 6 MB."""
 _KINDS = "biuf"
 """Kinds of dtype that are taken: bool, signed, unsigned, float."""
 _DTYPE = re.compile(rf"[<>|=]?[{_KINDS}][0-9]{{1,2}}")

@@ -11,17 +11,20 @@ import math
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-import onnxruntime as ort
 from numpy.typing import NDArray
 
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.core.messages import Action
+from adatracker_deploy.core.onnx_session import OnnxSession, one_line
+from adatracker_deploy.policy import belief
 from adatracker_deploy.policy.base import PolicyInfo
 from adatracker_deploy.policy.bundle import ENCODER_NAME, GOLDEN_NAME, POLICY_NAME
 from adatracker_deploy.policy.drawing import MaskPainter
 from adatracker_deploy.policy.golden import GOLDEN_TICKS, GOLDEN_TOLERANCE
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from adatracker_deploy.core.messages import Observation
     from adatracker_deploy.policy.bundle import Bundle, GraphSpec
 
@@ -31,26 +34,38 @@ Array = NDArray[np.float32]
 class OnnxPolicy:
     """Implements `Policy` over a bundle."""
 
-    def __init__(self, bundle: Bundle) -> None:
+    def __init__(self, bundle: Bundle, providers: Sequence[str] = ("cpu",)) -> None:
         """Start the networks and run the golden vectors, which also warms them up.
+
+        Args:
+            bundle: the networks and what they expect.
+            providers: where to run them, by preference: keys of `PROVIDERS`.
 
         Raises:
             UsageError: a network cannot run here, or answers otherwise than it did when it was exported.
         """
         manifest = bundle.manifest
-        self._info = PolicyInfo(
-            name=manifest.name, rate_hz=manifest.rate_hz, action=manifest.action, sha256=bundle.sha256
-        )
+        self._mask = manifest.mask
         self._painter = MaskPainter(manifest.mask)
-        self._encoder = _encoder(bundle)
-        self._policy = _Network(bundle.policy, manifest.policy, where=f"{bundle.folder}/{POLICY_NAME}")
+        self._encoder = _encoder(bundle, providers)
+        self._policy = _Network(
+            bundle.policy, manifest.policy, providers, where=f"{bundle.folder}/{POLICY_NAME}"
+        )
+        self._info = PolicyInfo(
+            name=manifest.name,
+            rate_hz=manifest.rate_hz,
+            action=manifest.action,
+            sha256=bundle.sha256,
+            source=bundle.source,
+            runs_on=self._policy.session.placement,
+        )
         self.reset()
         _check_answers(self, bundle)
         self.reset()
 
     @property
     def info(self) -> PolicyInfo:
-        """What it is, as its manifest says."""
+        """The policy's description, from its manifest."""
         return self._info
 
     def reset(self, seed: int = 0) -> None:
@@ -58,6 +73,8 @@ class OnnxPolicy:
         self._painter.reset(seed)
         self._policy.clear()
         self._imposed: Array | None = None
+        self._believed = belief.initial()
+        self._drive = np.zeros(2, np.float32)
         if self._encoder is not None:
             self._encoder.reset()
 
@@ -74,6 +91,12 @@ class OnnxPolicy:
         """Return what its network is given for an observation, as a picture of shape (S, S, C)."""
         return self._painter.picture(observation.mask)
 
+    @property
+    def belief(self) -> Array | None:
+        """The belief across gaps that its network was told last, (`belief.SIZE`,); None without one."""
+        told = self._policy.inputs.get("belief")
+        return None if told is None else told[0]
+
     def step(self, mask_input: Array) -> tuple[Array, Array | None]:
         """Answer one network input.
 
@@ -85,6 +108,10 @@ class OnnxPolicy:
         """
         inputs = self._policy.inputs
         np.copyto(inputs["mask"][0], mask_input)
+        if "belief" in inputs:
+            sight = belief.sight_of(belief.target_pixels(mask_input, self._mask))
+            self._believed = belief.advance(self._believed, sight, self._drive, 1.0 / self._info.rate_hz)
+            inputs["belief"] = belief.told(self._believed)[None]
         context = None
         if self._encoder is not None:
             own = self._encoder.context()
@@ -93,6 +120,8 @@ class OnnxPolicy:
         action, inputs["h"], inputs["c"] = self._policy.run("action", "h_next", "c_next")
         if "last_action" in inputs:
             inputs["last_action"] = action
+        if "belief" in inputs:
+            self._drive = belief.drive_of(action[0], self._info.action)
         if self._encoder is not None:
             self._encoder.remember(inputs["mask"], action)
         return action[0], context
@@ -101,15 +130,8 @@ class OnnxPolicy:
 class _Network:
     """One ONNX graph and its input arrays, which are kept between runs."""
 
-    def __init__(self, model: bytes, spec: GraphSpec, *, where: str) -> None:
-        options = ort.SessionOptions()
-        options.intra_op_num_threads = options.inter_op_num_threads = 1
-        options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-        options.log_severity_level = 4  # what is wrong is raised; nothing else belongs on a terminal
-        try:
-            self._session = ort.InferenceSession(model, options, providers=["CPUExecutionProvider"])
-        except Exception as error:  # its exceptions share no base class of their own
-            raise UsageError(f"{where}: onnxruntime cannot load it: {_one_line(error)}") from error
+    def __init__(self, model: bytes, spec: GraphSpec, providers: Sequence[str], *, where: str) -> None:
+        self.session = OnnxSession(model, providers, where=where, exact=True)
         self._spec = spec
         self.clear()
 
@@ -121,7 +143,7 @@ class _Network:
 
     def run(self, *outputs: str) -> list[Any]:
         """Return the named outputs as new arrays."""
-        return self._session.run(outputs, self.inputs)  # type: ignore[no-any-return]
+        return self.session.run(outputs, self.inputs)
 
 
 class _Encoder(Protocol):
@@ -137,11 +159,11 @@ class _Encoder(Protocol):
         """Take this tick's pair, shapes (1, C, S, S) and (1, A), for the next tick's z."""
 
 
-def _encoder(bundle: Bundle) -> _Encoder | None:
+def _encoder(bundle: Bundle, providers: Sequence[str]) -> _Encoder | None:
     spec = bundle.manifest.encoder
     if bundle.encoder is None or spec is None:
         return None
-    network = _Network(bundle.encoder, spec, where=f"{bundle.folder}/{ENCODER_NAME}")
+    network = _Network(bundle.encoder, spec, providers, where=f"{bundle.folder}/{ENCODER_NAME}")
     return _Streaming(network) if bundle.manifest.interface == "streaming" else _Window(network)
 
 
@@ -194,18 +216,14 @@ def _check_answers(policy: OnnxPolicy, bundle: Bundle) -> None:
         try:
             action, z = policy.step(golden["mask"][tick])
         except Exception as error:
-            raise UsageError(f"{bundle.folder}: its networks fail to run: {_one_line(error)}") from error
-        for name, got in (("action", action), ("z", z)):
+            raise UsageError(f"{bundle.folder}: its networks fail to run: {one_line(error)}") from error
+        for name, got in (("action", action), ("z", z), ("belief", policy.belief)):
             if got is None:
                 continue
             wanted = golden[name][tick]
             difference = float(np.abs(got - wanted).max()) if got.shape == wanted.shape else math.inf
             if not difference <= GOLDEN_TOLERANCE:  # NaN must not pass
                 raise UsageError(
-                    f"{where}: the networks answer otherwise than when they were exported: {name} differs by "
-                    f"{difference:.2g} at tick {tick}; at most {GOLDEN_TOLERANCE:g} is right"
+                    f"{where}: the networks' answers differ from those at the export: {name} differs by "
+                    f"{difference:.2g} at tick {tick}; at most {GOLDEN_TOLERANCE:g} is allowed"
                 )
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())

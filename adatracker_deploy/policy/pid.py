@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from adatracker_deploy.core.messages import Observation
 
 FIRST_DISTANCE_M = 2.5
-"""Where the target is taken to be at first sight: the task's desired distance."""
+"""Assumed distance of the target at first sight: the task's desired distance."""
 FARTHEST_M = 8.0
 """No estimate goes beyond this: boxes of a few pixels say little."""
 _BORDER = 0.012
@@ -57,7 +57,7 @@ class PidGains:
     smoothing_s: float = 0.1
     """Time constant of bearing and distance: a walking person's box breathes with every stride."""
     coast_s: float = 0.4
-    """How long the last action, fading, is kept up when the target is not seen."""
+    """Time for which the last action is kept up, fading, when the target is not seen."""
     search_yaw: float = 0.6
     """After that it turns at this rate towards the target's last position."""
 
@@ -117,7 +117,7 @@ class PidPolicy:
 
     @property
     def info(self) -> PolicyInfo:
-        """What it is: 20 Hz, forward and yaw."""
+        """The policy's description: 20 Hz, forward and yaw."""
         return PolicyInfo(name="pid", rate_hz=20.0, action=FORWARD_YAW)
 
     def reset(self, seed: int = 0) -> None:  # noqa: ARG002 -- nothing here is random

@@ -29,17 +29,17 @@ if TYPE_CHECKING:
     from websockets.sync.client import ClientConnection
 
 CONNECT_S = 5.0
-"""How long to wait for a connection, and then for the metadata: a server loads a bundle in a second."""
+"""Time-out of the connection, and then of the metadata: a server loads a bundle in a second."""
 FIRST_S = 60.0
-"""How long to wait for the first answer: a large model may compile at its first question."""
+"""Time-out of the first answer: a large model may compile at its first question."""
 TRIES = 5
 """Timed questions before the start; the quickest answer counts."""
 PATIENCE = 0.5
 """Part of a period for which a tick waits for its own answer."""
 HEARD_S = 0.05
-"""How often the thread looks whether there is something else to do, s."""
+"""Polling interval of the thread, s."""
 FORGOTTEN_S = 10.0
-"""After so long an answer that is still to come is not known any more."""
+"""Age of a question after which its answer is no longer accepted."""
 BLANK = Observation(
     mask=np.zeros((480, 640), np.uint8),
     box=None,
@@ -49,23 +49,23 @@ BLANK = Observation(
     image=np.zeros((480, 640, 3), np.uint8),
     state=PlatformState(0),
 )
-"""What a server is asked with before anything moves."""
+"""The observation of the test questions before anything moves."""
 
 
 class _Question(NamedTuple):
     number: int
     observation: Observation
     asked_s: float
-    """When the loop asked; `time.monotonic`, like the next."""
+    """Time of the loop's question by `time.monotonic`, like the next."""
     seed: int | None
-    """Of the episode that begins with it; None within one."""
+    """Seed of the episode that begins with it; None within one."""
     sent_s: float = 0.0
 
 
 class _Answered(NamedTuple):
     number: int
     t_ns: int
-    """When the picture was taken that it answers, ns of the run's clock."""
+    """Capture time of the picture that it answers, ns of the run's clock."""
     reply: Reply
     queue_ms: float
     round_trip_ms: float
@@ -73,7 +73,7 @@ class _Answered(NamedTuple):
 
 @dataclass(slots=True)
 class _Shared:
-    """What the loop and the thread hand each other, under one condition."""
+    """The state shared by the loop and the thread, under one condition."""
 
     changed: threading.Condition = field(default_factory=threading.Condition)
     asked: _Question | None = None
@@ -81,7 +81,7 @@ class _Shared:
     answered: _Answered | None = None
     """The answer to the newest question that has one."""
     first: int = 1
-    """The first question of this episode; answers to earlier ones are nothing any more."""
+    """The first question of this episode; answers to earlier ones are ignored."""
     error: str = ""
     closed: bool = False
 
@@ -122,7 +122,7 @@ class RemotePolicy:
 
     @property
     def info(self) -> PolicyInfo:
-        """What it is, as its server says."""
+        """The policy's description, from its server's contract."""
         return self._info
 
     def check(self) -> None:
@@ -148,11 +148,11 @@ class RemotePolicy:
 
         Raises:
             NoAnswer: there is none in this episode so far.
-            PlatformError: the server is gone, or has answered what is no action.
+            PlatformError: the server is gone, or has answered an invalid action.
             UsageError: the server wants the camera's picture, and there is none (in `evaluate`, `replay`).
         """
         if "image" in self._contract.observation and observation.image is None:
-            raise UsageError(f"policy {self._uri} wants the camera's picture, and there is none here")
+            raise UsageError(f"policy {self._uri} needs the camera's picture, which is not available here")
         shared = self._shared
         with shared.changed:
             self._refuse_failed()
@@ -209,7 +209,7 @@ class RemotePolicy:
             except Exception as error:  # the library's errors have no common base
                 raise UsageError(f"policy {self._uri}: {_sentence(error)}") from error
             if not np.isfinite(reply.actions).all():
-                raise UsageError(f"policy {self._uri}: answers a blank picture with what is no number")
+                raise UsageError(f"policy {self._uri}: its answer to a blank picture is not finite")
             quickest_s = min(quickest_s, time.monotonic() - began_s)
         if in_time and quickest_s > STALE_OBSERVATION_S:
             raise UsageError(
@@ -311,7 +311,7 @@ def _connected(uri: str, token: str) -> tuple[ClientConnection, Contract]:
     try:
         return server, read_contract(_unpacked(server.recv(timeout=CONNECT_S)))
     except TimeoutError:
-        why = f"it is reached, but says nothing of itself for {CONNECT_S:g} s"
+        why = f"it accepts the connection, but sends no metadata for {CONNECT_S:g} s"
     except Exception as error:  # closed at once, no message, no contract
         why = _sentence(error)
     _cut(server)

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from adatracker_deploy.policy.base import Policy
 
 HEALTH = "/healthz"
-"""Answers 200 to whoever asks whether the server lives; openpi's own path."""
+"""Health check: answers 200 while the server runs; openpi's own path."""
 OBSERVED: tuple[Observed, ...] = ("mask", "box", "confidence")
-"""What the policies of this toolkit look at."""
+"""The inputs of this toolkit's policies."""
 
 
 def served(
@@ -66,7 +66,7 @@ def served(
         return None
 
     quiet = logging.getLogger(f"{__name__}.websockets")
-    quiet.disabled = True  # whoever knocks and goes is no event
+    quiet.disabled = True  # a client that connects and leaves is not an event
     try:
         return serve(
             lambda connection: _converse(connection, load),
@@ -88,10 +88,10 @@ def answer(policy: Policy, said: Any) -> dict[str, Any]:
     """Return the answer to an observation.
 
     Raises:
-        ValueError: it is none.
+        ValueError: it is not an observation.
     """
     if not isinstance(said, dict):
-        raise ValueError("an observation is a map")  # noqa: TRY004 -- one kind of error for what is no message
+        raise ValueError("an observation is a map")  # noqa: TRY004 -- one kind of error for a bad message
     observation, seed = _observation(said), _whole(said, "reset", None)
     if seed is not None:
         policy.reset(seed)

@@ -22,6 +22,8 @@ VARIANTS = {
     "no encoder": replace(CONFIG, history=0, context=0),
     "no encoder, last action": replace(CONFIG, history=0, context=0, last_action=True),
     "no lstm": replace(CONFIG, lstm=False),
+    "belief": replace(CONFIG, last_action=True, belief=True),
+    "no encoder, belief": replace(CONFIG, history=0, context=0, belief=True),
 }
 META = CheckpointMeta(
     name="fresh",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -12,6 +14,7 @@ from adatracker_deploy.learning.conditions import (
     CONDITIONS,
     HEIGHTS_M,
     TARGET_SPEEDS_M_S,
+    YAW_RATE_RAD_S,
     make_cell,
     random_cell,
 )
@@ -50,6 +53,26 @@ def test_every_hard_body_is_slower_to_obey_than_any_that_the_deploy_recipe_draws
     assert trained.delay_s <= 0.3
 
 
+@settings(max_examples=100)
+@given(seed=st.integers(0, 2_000_000), cell=st.sampled_from(CELLS))
+def test_a_wide_body_can_follow_its_target_before_and_after_its_change(seed, cell):
+    spec = make_cell("wide", *cell, seed)
+    body, after = spec.embodiment, spec.change.of(spec.embodiment)
+    assert 150 <= spec.change.at_step <= 350
+    assert body.forward_m_s >= after.forward_m_s >= 1.04 * spec.target_speed_m_s - 1e-9
+    assert 0.3 * body.forward_m_s <= body.backward_m_s <= body.forward_m_s
+    assert 0 <= body.lag_s <= after.lag_s <= 1.4
+    assert body.delay_s <= 0.6
+    assert 0.5 <= body.yaw_rate_rad_s / YAW_RATE_RAD_S <= 2
+
+
+def test_wide_bodies_span_the_conditions_ranges():
+    bodies = [random_cell("wide", seed).embodiment for seed in range(300)]
+    assert {round(body.delay_s * 10) for body in bodies} == set(range(7))
+    assert min(body.lag_s for body in bodies) < 0.05
+    assert max(body.lag_s for body in bodies) > 0.95
+
+
 @pytest.mark.parametrize("condition", CONDITIONS)
 @pytest.mark.parametrize(("height", "speed"), CELLS)
 def test_the_target_is_seen_at_the_start_of_every_cell(condition, height, speed):
@@ -57,8 +80,18 @@ def test_the_target_is_seen_at_the_start_of_every_cell(condition, height, speed)
     assert (first.mask == MaskClass.TARGET).sum() >= 8
 
 
+def test_rough_is_the_field_with_effects_and_has_the_same_bodies_and_ways():
+    field, rough = (make_cell(name, 1.0, 1.0, 5) for name in ("field", "rough"))
+    assert replace(rough, effects=field.effects) == field
+    assert rough.effects.fog_m
+    assert rough.effects.road != "smooth"
+    assert rough.effects.sit
+
+
 def test_an_unknown_condition_is_refused_with_the_known_ones():
-    with pytest.raises(UsageError, match="unknown condition 'wet': known are clean, field, hard"):
+    with pytest.raises(
+        UsageError, match="unknown condition 'wet': known are clean, field, hard, wide, rough"
+    ):
         make_cell("wet", 1.0, 1.0, 0)
 
 

@@ -16,13 +16,19 @@ from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.checkpoint import OFFLINE_EVT
 from adatracker_deploy.learning.export import export_checkpoint, largest_difference
 from adatracker_deploy.learning.rollout import rollout, walking_masks
+from adatracker_deploy.policy import belief
+from adatracker_deploy.policy.base import ActionAxis
 from adatracker_deploy.policy.bundle import load_bundle, write_bundle
+from adatracker_deploy.policy.golden import GOLDEN_TOLERANCE
 from adatracker_deploy.policy.onnx_policy import OnnxPolicy
 from tests.learning import fresh
+from tests.tiers import EXHAUSTIVE
 
 ROOT = Path(__file__).parents[2]
 PUBLISHED = ROOT.parent / "shared" / "data" / "offline_evt_public.pth"
 TICKS = 30
+EACH_PART = ("belief", "no encoder, last action", "no lstm")
+"""Variants that have each part, and lack each, at least once."""
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +62,10 @@ def test_onnxruntime_answers_as_torch_on_masks_that_were_not_exported(bundle):
     np.testing.assert_allclose(contexts, wanted["z"], atol=1e-5)
 
 
-@pytest.mark.parametrize("variant", fresh.VARIANTS)
+@pytest.mark.parametrize(
+    "variant",
+    [pytest.param(name, marks=() if name in EACH_PART else EXHAUSTIVE) for name in fresh.VARIANTS],
+)
 def test_every_variant_answers_as_in_torch_and_its_golden_vectors_hold(tmp_path, variant):
     config = fresh.VARIANTS[variant]
     path = fresh.save_adatracker(tmp_path / "a.pt", config=config)
@@ -117,6 +126,48 @@ def test_a_bundle_whose_golden_vectors_differ_is_refused(bundle, tmp_path):
     write_bundle(tmp_path, manifest, encoder=bundle.encoder, policy=bundle.policy, golden=wrong)
     with pytest.raises(UsageError, match=r"action differs by 0\.001 at tick 23"):
         OnnxPolicy(load_bundle(tmp_path))
+
+
+def a_believer(folder):
+    config = fresh.VARIANTS["no encoder, belief"]
+    export_checkpoint(fresh.save_adatracker(folder / "b.pt", config=config), folder / "b")
+    return load_bundle(folder / "b")
+
+
+def test_a_belief_is_in_the_manifest_and_in_the_golden_vectors(tmp_path):
+    bundle = a_believer(tmp_path)
+    assert bundle.manifest.believes
+    told = dict(zip(belief.COLUMNS, bundle.golden["belief"].T, strict=True))
+    assert set(told["seen"]) == {0.0, 1.0}  # a gap is among them
+    for name in ("gap", "left", "up", "width", "height", "pace", "turned", "driven", "bearing_sin"):
+        assert np.ptp(told[name]) > 50 * GOLDEN_TOLERANCE, name
+
+
+def test_a_bundle_whose_belief_is_computed_otherwise_here_is_refused(tmp_path):
+    bundle = a_believer(tmp_path)
+    wrong = {name: array.copy() for name, array in bundle.golden.items()}
+    wrong["belief"][5, belief.COLUMNS.index("turned")] += 0.01
+    parts = {"encoder": None, "policy": bundle.policy, "golden": wrong}
+    write_bundle(tmp_path / "c", replace(bundle.manifest, files={}), **parts)
+    with pytest.raises(UsageError, match=r"belief differs by 0\.01 at tick 5"):
+        OnnxPolicy(load_bundle(tmp_path / "c"))
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"action": (ActionAxis(axis="forward"), ActionAxis(axis="vertical"))}, "needs forward and yaw"),
+        (
+            {"action": (ActionAxis(axis="forward"), ActionAxis(axis="yaw", unit="si"))},
+            "needs forward and yaw",
+        ),
+    ],
+)
+def test_a_belief_without_forward_and_yaw_as_fractions_is_refused(tmp_path, changes, reason):
+    bundle = a_believer(tmp_path)
+    manifest = replace(bundle.manifest, files={}, **changes)
+    with pytest.raises(UsageError, match=reason):
+        write_bundle(tmp_path / "c", manifest, encoder=None, policy=bundle.policy, golden=bundle.golden)
 
 
 def test_name_rate_and_licence_can_be_given(checkpoint, tmp_path):

@@ -28,7 +28,7 @@ EACH = {
     "cloning": lambda x, weight: losses.cloning_loss(x[..., :A], torch.tanh(drawn(9, B, L, A)), weight),
     "reward": lambda x, weight: losses.reward_loss(x[..., 0], drawn(9, B, L), weight),
     "height": lambda x, weight: losses.height_loss(x[..., 0], drawn(9, B), weight),
-    "dynamics": lambda x, weight: losses.dynamics_loss(x, drawn(9, B, 4), weight),
+    "dynamics": lambda x, weight: losses.dynamics_loss(x, drawn(9, B, L, 4), weight),
     "consistency": lambda x, weight: losses.consistency_loss(x, torch.ones(B), weight, first=L),
 }
 

@@ -10,11 +10,13 @@ import pytest
 import torch
 
 from adatracker_deploy.learning.checkpoint import ADATRACKER_MASK, AdaTracker
+from adatracker_deploy.learning.data.beliefs import beliefs_of
 from adatracker_deploy.learning.data.dataset import Batch, Dataset
 from adatracker_deploy.learning.data.recipe import load_recipe
-from adatracker_deploy.learning.data.shard import read_shard
+from adatracker_deploy.learning.data.shard import distinct_patches, pack_masks, read_shard
 from adatracker_deploy.learning.data.state import COLUMNS
 from adatracker_deploy.learning.rollout import rollout
+from adatracker_deploy.learning.tracking import ACTION
 from adatracker_deploy.learning.train.agent import Agent, Sequences, drawn
 from adatracker_deploy.learning.train.visitor import Visitor, visit_round
 from adatracker_deploy.policy.drawing import MaskPainter
@@ -46,8 +48,11 @@ def batch_of(masks, actions, past):
     before = ((0, 0), (past, 0))
     blank = np.zeros((count, length), np.float32)
     body = np.zeros(count, np.float32)
+    first, steps = np.arange(count) * length, masks.reshape(-1, 64, 64)
+    beliefs = beliefs_of(pack_masks(steps), actions.reshape(-1, 2), first, np.full(count, length))
+    beliefs = beliefs.reshape(count, length, -1)
     return Batch(
-        masks=np.pad(masks, (*before, (0, 0), (0, 0))),
+        packed=pack_masks(np.pad(masks, (*before, (0, 0), (0, 0)))),
         actions=np.pad(actions, (*before, (0, 0))),
         experts=np.zeros_like(actions),
         rewards=blank,
@@ -56,10 +61,11 @@ def batch_of(masks, actions, past):
         valid=blank == 0,
         start=body == 0,
         height_m=body,
-        log_limits=np.zeros((count, 3), np.float32),
-        lag_s=body,
-        delay_s=body,
+        log_limits=np.zeros((count, length, 3), np.float32),
+        lag_s=blank,
+        delay_s=blank,
         states=np.zeros((count, length, len(COLUMNS)), np.float32),
+        beliefs=beliefs,
     )
 
 
@@ -75,7 +81,8 @@ def test_a_visit_answers_as_the_exported_policy_and_as_training_sees_the_sequenc
     config = CONFIGS[name]
     agent = an_agent(config)
     masks = classes(STEPS)
-    wanted = rollout(AdaTracker(agent.encoder, agent.policy, fresh.META), drawn(masks).numpy())["action"]
+    meta = replace(fresh.META, action=ACTION, mask=ADATRACKER_MASK)
+    wanted = rollout(AdaTracker(agent.encoder, agent.policy, meta), drawn(masks).numpy())["action"]
     visitor, last = Visitor(agent), np.zeros((1, 2), np.float32)
     for tick, mask in enumerate(masks):
         last = visitor(mask[None], last, np.array([tick == 0]))
@@ -128,3 +135,20 @@ def test_any_number_of_workers_visits_the_same_and_what_is_there_is_kept(tmp_pat
     assert visit_round(agent, recipe, folder=tmp_path / "alone", workers=1, **told) == alone
     changed = [part for part in alone if part.stat().st_mtime_ns != before[part]]
     assert changed == [alone[1]]
+
+
+def test_the_backbone_sees_the_same_in_patches_as_in_drawn_masks_and_learns_the_same():
+    backbone, masks = an_agent(CONFIGS["whole"]).policy.backbone, classes(2, 3)
+    kinds, place = distinct_patches(pack_masks(masks))
+    gradients, features = [], []
+    for seen in (
+        lambda: backbone.sequences(drawn(masks)),
+        lambda: backbone.of_patches(drawn(kinds), torch.from_numpy(place)),
+    ):
+        backbone.zero_grad()
+        features.append(seen())
+        (features[-1] ** 2).sum().backward()
+        gradients.append([weight.grad.clone() for weight in backbone.parameters()])
+    torch.testing.assert_close(features[1], features[0], rtol=1e-4, atol=1e-4)
+    for patched, whole in zip(*gradients[::-1], strict=True):
+        torch.testing.assert_close(patched, whole, rtol=1e-3, atol=1e-2)

@@ -27,7 +27,7 @@ def data(tmp_path_factory):
 def weights_after(data, settings=SETTINGS):
     torch.manual_seed(0)
     learner = Awr(Agent(settings.config()), settings)
-    learner.prepare(data)
+    learner.prepare(data, print)
     for number in range(settings.updates):
         rng = np.random.default_rng(number)
         learner.update(Sequences.of(data.sample(rng, settings.batch, settings.length, 16)), number)
@@ -65,11 +65,15 @@ def test_the_same_seed_gives_the_same_critics_and_they_are_fitted_once(data):
         return Awr(Agent(SETTINGS.config()), SETTINGS)
 
     one, other, resumed = learner(), learner(), learner()
-    assert "150 updates" in one.prepare(data)
-    assert one.prepare(data) == ""
-    other.prepare(data)
+    said = []
+    assert one.prepare(data, said.append)
+    assert not one.prepare(data, said.append)
+    other.prepare(data, print)
     resumed.load_state_dict(one.state_dict())
-    assert resumed.prepare(data) == ""
+    assert not resumed.prepare(data, said.append)
+    assert said[0] == "fitting the critics to the true states"
+    assert "150 updates" in said[1]
+    assert len(said) == 2
     fitted = one.critics.state_dict()
     for name in fitted:
         assert torch.equal(fitted[name], other.critics.state_dict()[name]), name

@@ -76,7 +76,8 @@ def test_the_sum_over_actions_is_the_integral_whoever_proposes_them():
 def sequences(length, **changes):
     flat = torch.zeros(1, length)
     blank = Sequences(
-        masks=torch.zeros(1, 3 + length, 3, 16, 16),
+        kinds=torch.zeros(1, 3, 4, 4),
+        place=torch.zeros(1, 3 + length, 16, dtype=torch.int64),
         actions=torch.arange(3 + length).float()[None, :, None].expand(-1, -1, A),
         experts=torch.zeros(1, length, A),
         rewards=torch.arange(length).float()[None],
@@ -84,10 +85,11 @@ def sequences(length, **changes):
         valid=flat + 1,
         start=torch.ones(1),
         height_m=torch.zeros(1),
-        log_limits=torch.zeros(1, 3),
-        lag_s=torch.zeros(1),
-        delay_s=torch.zeros(1),
+        log_limits=torch.zeros(1, length, 3),
+        lag_s=flat,
+        delay_s=flat,
         states=torch.zeros(1, length, len(COLUMNS)),
+        beliefs=torch.zeros(1, length, 0),
     )
     return replace(blank, **changes)
 

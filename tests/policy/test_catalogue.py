@@ -32,13 +32,13 @@ def test_a_shipped_bundle_is_found_and_described_by_name(tmp_path, monkeypatch):
     monkeypatch.setattr(catalogue, "__file__", str(tmp_path / "catalogue.py"))
     assert describe_policies()["small"] == "random weights, 10 Hz"
     assert load_policy("small").info.name == "tiny"
-    with pytest.raises(UsageError, match="there are pid, small; or"):
+    with pytest.raises(UsageError, match="known are pid, small; or"):
         load_policy("genius")
 
 
 def test_an_unknown_name_is_refused_with_the_known_ones():
     with pytest.raises(
-        UsageError, match=r"unknown policy 'genius': there are pid.*; or give a bundle's folder"
+        UsageError, match=r"unknown policy 'genius': known are pid.*; or give a bundle's folder"
     ):
         load_policy("genius")
 

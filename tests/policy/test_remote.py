@@ -119,7 +119,7 @@ def test_a_server_is_told_what_it_asks_for_and_nothing_else():
 
 def test_a_server_that_wants_pictures_is_not_asked_without_them():
     with saying(lambda message, _: {"actions": np.zeros(2)}) as (uri, heard), asking(uri) as remote:
-        with pytest.raises(UsageError, match="wants the camera's picture"):
+        with pytest.raises(UsageError, match="needs the camera's picture"):
             remote.act(replace(seen(1), image=None))
         assert not heard
 
@@ -286,7 +286,7 @@ def test_a_server_that_reads_nothing_holds_up_neither_a_tick_nor_the_end(monkeyp
         ({"actions": np.zeros(2, bool)}, "without actions"),
         ({"actions": np.zeros(2), "context": np.zeros((2, 2))}, "a context"),
         ({"actions": np.zeros(2), "request": 10**6}, "answers request 1000000, which was not made"),
-        ({"actions": np.zeros(2), "request": "1"}, "request is no number"),
+        ({"actions": np.zeros(2), "request": "1"}, "request is not a number"),
         ({"actions": np.zeros(2), "request": None}, "answers request None"),
         ({}, "without actions"),
         ([["actions"]], "without actions"),

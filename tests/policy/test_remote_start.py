@@ -31,10 +31,11 @@ PATIENT_S = 20.0
 @pytest.mark.parametrize(
     ("manifest", "why"),
     [
-        (None, "does not say what it sees and drives"),
+        (None, "lacks a contract"),
         ({}, "missing key"),
         (MANIFEST | {"rate_hz": 0.5}, "rate_hz"),
         (MANIFEST | {"name": "\x1b[31m"}, "printable"),
+        (MANIFEST | {"runs_on": "\x1b[31m"}, "printable"),
         (MANIFEST | {"action": []}, "at least one axis"),
         (MANIFEST | {"action": [{"axis": "yaw"}, {"axis": "yaw"}]}, "none twice"),
         (MANIFEST | {"action": [{"axis": "sideways"}]}, "axis"),
@@ -50,7 +51,7 @@ def test_a_server_that_does_not_say_what_it_drives_is_refused(manifest, why):
 @pytest.mark.parametrize(
     ("answer", "why"),
     [
-        ({"actions": np.full(2, np.nan)}, "what is no number"),
+        ({"actions": np.full(2, np.nan)}, "blank picture is not finite"),
         ({"actions": np.zeros(3)}, "actions of shape"),
         ("ValueError: a 224 x 224 picture is expected", "the server failed: ValueError: a 224"),
         (None, "no answer within 0.5 s"),
@@ -145,7 +146,7 @@ def test_a_server_that_says_nothing_of_itself_is_one_sentence(monkeypatch):
 
     monkeypatch.setattr(module, "CONNECT_S", 0.5)
     silent = serve(lambda connection: connection.recv(), "127.0.0.1", 0, close_timeout=1)
-    with running(silent) as uri, pytest.raises(UsageError, match=r"says nothing of itself for 0\.5 s"):
+    with running(silent) as uri, pytest.raises(UsageError, match=r"sends no metadata for 0\.5 s"):
         RemotePolicy(uri)
 
 

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from adatracker_deploy.core.camera import is_unreal
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.data.perturbation import Perturbation
+from adatracker_deploy.learning.data.recipe import Recipe
 from adatracker_deploy.learning.data.rollout import Rollout
 from adatracker_deploy.learning.data.shard import (
     SCHEMA,
@@ -29,8 +31,6 @@ from adatracker_deploy.learning.seeds import training_seed
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
-
-    from adatracker_deploy.learning.data.recipe import Recipe
 
 _ABOUT = "collection.json"
 
@@ -54,12 +54,16 @@ def collect(
         seed: of the run.
         workers: processes; 1 stays in this one.
         ray: the address of a Ray cluster that works instead of them, see `on_ray`.
-        progress: told after each shard how many steps of how many are done.
+        progress: called after each shard with the steps done and the total.
 
     Raises:
         UsageError: the folder holds another collection or a damaged shard, cannot be written to, a world or
             body is not installed, or Ray is not or cannot be reached.
     """
+    if any(map(is_unreal, recipe.scenes)):  # an engine serves one client
+        if ray is not None:
+            raise UsageError(f"recipe {recipe.name!r}: levels of an engine are collected here, without --ray")
+        workers = 1
     steps = recipe.steps if steps is None else steps
     _claim(out_dir, recipe, seed)
     sizes = [min(SHARD_STEPS, steps - first) for first in range(0, steps, SHARD_STEPS)]
@@ -107,6 +111,17 @@ def _is_done(path: Path, steps: int) -> bool:
     return path.exists() and len(read_shard(path).steps) == steps
 
 
+def _without_defaults(about: Any) -> Any:
+    """Leave out of a folder's purpose what says nothing: a collection may be older than a recipe's key."""
+    recipe = about.get("recipe") if isinstance(about, dict) else None
+    if not isinstance(recipe, dict):
+        return about
+    defaults = {field.name: field.default for field in dataclasses.fields(Recipe)}
+    return about | {
+        "recipe": {key: value for key, value in recipe.items() if value != defaults.get(key, ...)}
+    }
+
+
 def _claim(out_dir: Path, recipe: Recipe, seed: int) -> None:
     """Write down what a folder is for, or see that it is for the same."""
     about = json.loads(json.dumps({"schema": SCHEMA, "seed": seed, "recipe": dataclasses.asdict(recipe)}))
@@ -121,7 +136,7 @@ def _claim(out_dir: Path, recipe: Recipe, seed: int) -> None:
         found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise UsageError(f"{path}: cannot be used: {error}") from error
-    if found != about:
+    if _without_defaults(found) != _without_defaults(about):
         raise UsageError(
             f"{out_dir}: holds another collection (recipe, seed or schema differ); name another folder"
         )

@@ -1,4 +1,4 @@
-"""Samples sequences of steps with their past from shards held in memory."""
+"""Samples sequences of steps with their past from shards, or from logged trials, held in memory."""
 
 from __future__ import annotations
 
@@ -10,15 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.learning.data.beliefs import beliefs_of
+from adatracker_deploy.learning.data.logged import logged_trials, read_logged
 from adatracker_deploy.learning.data.search import search_labels
-from adatracker_deploy.learning.data.shard import Steps, read_shard, unpack_masks
+from adatracker_deploy.learning.data.shard import Steps, read_shard
 from adatracker_deploy.learning.data.state import described
-from adatracker_deploy.learning.episode_spec import EpisodeSpec
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
 
+    from adatracker_deploy.learning.data.logged import LoggedHeader
     from adatracker_deploy.learning.data.shard import EpisodeHeader
 
 START_SHARE = 0.25
@@ -31,13 +33,13 @@ _Index = NDArray[np.int64]
 class Batch:
     """B sequences of L steps, each behind K steps of its past.
 
-    In `masks` and `actions` the first K entries are the past: for the step at place K + t, the pairs of its
+    In `packed` and `actions` the first K entries are the past: for the step at place K + t, the pairs of its
     history are those at t to K + t - 1. Before an episode's start they are zeros, as at deployment. Places
     beyond an episode's end are zeros and not `valid`.
     """
 
-    masks: NDArray[np.uint8]
-    """(B, K + L, 64, 64), classes."""
+    packed: NDArray[np.uint8]
+    """(B, K + L, P), the masks as a shard has them."""
     actions: NDArray[np.float32]
     """(B, K + L, 2), executed."""
     experts: NDArray[np.float32]
@@ -55,13 +57,15 @@ class Batch:
     height_m: NDArray[np.float32]
     """(B,)."""
     log_limits: NDArray[np.float32]
-    """(B, 3): natural logarithm of the limits forward and backward, m/s, and of the yaw rate, rad/s."""
+    """(B, L, 3): natural logarithm of the limits forward and backward, m/s, and of the yaw rate, rad/s."""
     lag_s: NDArray[np.float32]
-    """(B,)."""
+    """(B, L)."""
     delay_s: NDArray[np.float32]
-    """(B,)."""
+    """(B, L)."""
     states: NDArray[np.float32]
     """(B, L, S), true."""
+    beliefs: NDArray[np.float32]
+    """(B, L, `belief.SIZE`); no columns unless the data are `believing`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,35 +85,65 @@ class Moves:
 
 
 class Dataset:
-    """All episodes of some folders of shards.
+    """All episodes of some folders.
 
     Attributes:
-        specs: of each episode, in the order of the shards.
+        headers: of each episode, in the order of the shards, or of the trials.
         steps: all steps, their masks packed.
+        logged: they are of logged trials: `steps.experts` are NaN, `steps.states` are what was measured
+            (`logged.COLUMNS`), and rewards are the box's.
     """
 
-    def __init__(self, episodes: Iterable[EpisodeHeader], steps: Steps) -> None:
+    def __init__(
+        self, episodes: Iterable[EpisodeHeader | LoggedHeader], steps: Steps, *, logged: bool = False
+    ) -> None:
         """Take episodes and their steps, one after the other."""
         episodes = list(episodes)
         headers = [episode for episode in episodes if episode.steps]
-        self.specs: tuple[EpisodeSpec, ...] = tuple(episode.spec for episode in headers)
+        self.headers: tuple[EpisodeHeader | LoggedHeader, ...] = tuple(headers)
+        self.logged = logged
         kept = np.array([episode.steps > 0 for episode in episodes], bool)
         self.steps = steps if kept.all() else replace(steps, finals=steps.finals[kept])
         self._length: _Index = np.array([episode.steps for episode in headers], np.int64)
         self._first: _Index = np.cumsum(self._length) - self._length
-        self._bodies = np.array([described(spec.embodiment) for spec in self.specs], np.float32)
+        self._beliefs = np.zeros((len(steps), 0), np.float32)
+        bodies = [(header.body, header.change) for header in headers]
+        self._bodies = np.array(
+            [[described(body), described(change.of(body) if change else body)] for body, change in bodies],
+            np.float32,
+        )
+        """(E, 2, columns of a body), before and after its change."""
+        self._changes: _Index = np.array(
+            [
+                change.at_step if change else steps
+                for (_, change), steps in zip(bodies, self._length, strict=True)
+            ]
+        )
 
     @classmethod
     def open(cls, folders: Iterable[Path]) -> Self:
-        """Load every shard in the folders and in what they hold, such as what a run visited.
+        """Load every shard, or every trial, in the folders and in what they hold.
 
         Raises:
-            UsageError: there are no shards, or one is damaged or of another schema.
+            UsageError: there are neither, or both; a shard is damaged or of another schema; `read_logged`.
         """
         folders = list(folders)
         paths = [path for folder in folders for path in sorted(folder.rglob("shard-*.npz"))]
+        trials = [trial for folder in folders for trial in logged_trials(folder)]
+        if paths and trials:
+            raise UsageError(
+                f"{paths[0].parent} holds shards and {trials[0].parent} a trial: their rewards differ; "
+                "learn from one, then from the other by --init"
+            )
+        if trials:
+            records = [record for trial in trials for record in read_logged(trial)]
+            if not records:
+                raise UsageError(f"{len(trials)} trials, but none has two ticks in a row with their masks")
+            headers, parts = zip(*records, strict=True)
+            return cls(headers, Steps.joined(parts), logged=True)
         if not paths:
-            raise UsageError(f"no shards in {', '.join(map(str, folders))}: collect some first")
+            places = ", ".join(map(str, folders))
+            raise UsageError(f"no shards and no trials in {places}: collect some first")
         shards = [read_shard(path) for path in paths]
         episodes = [episode for shard in shards for episode in shard.episodes]
         return cls(episodes, Steps.joined([shard.steps for shard in shards]))
@@ -124,6 +158,12 @@ class Dataset:
         labels = search_labels(self.steps.masks, self.steps.experts, first)
         found = copy.copy(self)
         found.steps = replace(self.steps, experts=labels)
+        return found
+
+    def believing(self) -> Self:
+        """Return the same data, with the belief across gaps at each of its steps."""
+        found = copy.copy(self)
+        found._beliefs = beliefs_of(self.steps.masks, self.steps.actions, self._first, self._length)
         return found
 
     def sample(self, rng: np.random.Generator, batch: int, length: int, history: int) -> Batch:
@@ -161,10 +201,11 @@ class Dataset:
         exists = (place >= 0) & (place < self._length[episode][:, None])
         index = np.where(exists, self._first[episode][:, None] + place, 0)
         now, valid = index[:, history:], exists[:, history:]
-        body = self._bodies[episode]
+        late = (place[:, history:] >= self._changes[episode][:, None]).astype(np.int64)
+        body = self._bodies[episode[:, None], late]
         steps = self.steps
         return Batch(
-            masks=unpack_masks(np.where(exists[..., None], steps.masks[index], np.uint8(0))),
+            packed=np.where(exists[..., None], steps.masks[index], np.uint8(0)),
             actions=np.where(exists[..., None], steps.actions[index], np.float32(0)),
             experts=np.where(valid[..., None], steps.experts[now], np.float32(0)),
             rewards=np.where(valid, steps.rewards[now], np.float32(0)),
@@ -172,9 +213,10 @@ class Dataset:
             done=steps.done[now] & valid,
             valid=valid,
             start=begin == 0,
-            height_m=body[:, 0],
-            log_limits=body[:, 3:6],
-            lag_s=body[:, 6],
-            delay_s=body[:, 7],
+            height_m=body[:, 0, 0],
+            log_limits=body[..., 3:6],
+            lag_s=body[..., 6],
+            delay_s=body[..., 7],
             states=np.where(valid[..., None], steps.states[now], np.float32(0)),
+            beliefs=np.where(valid[..., None], self._beliefs[now], np.float32(0)),
         )

@@ -12,13 +12,16 @@ import numpy as np
 
 from adatracker_deploy.config.schema import Range, parse
 from adatracker_deploy.config.yaml_text import read_yaml
+from adatracker_deploy.core.camera import is_unreal
 from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.learning.change import Change
 from adatracker_deploy.learning.embodiment import DRONE_DELAY_S, DRONE_LAG_S, BodyKind, Embodiment
 from adatracker_deploy.learning.episode_spec import RATE_HZ, EpisodeSpec
 from adatracker_deploy.learning.view import pitch_in_view_deg
 from adatracker_deploy.sim.noise import NoiseLevel
 from adatracker_deploy.sim.path import PathName
 from adatracker_deploy.sim.scenes import scene_names
+from adatracker_deploy.sim.worlds import check_scene
 
 Number = Annotated[float, Range(-1e3, 1e3)]
 
@@ -56,7 +59,7 @@ class OneOf:
 
 Spread = Between | OneOf
 Weights = dict[str, Annotated[float, Range(0, 1e6)]]
-"""How likely each named choice is, relative to the others."""
+"""The weight of each named choice, relative to the others."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,7 +69,7 @@ class Recipe:
     name: str
     description: str
     steps: Annotated[int, Range(1, 1_000_000_000)]
-    """How many steps are collected unless the command says otherwise."""
+    """Number of steps to collect unless the command says otherwise."""
     episode_steps: Annotated[int, Range(2, 100_000)] = 500
     scenes: Weights
     kinds: Weights
@@ -84,6 +87,8 @@ class Recipe:
     lag_s: Spread
     delay_steps: Spread
     """Delay in steps of 0.1 s, rounded to whole steps."""
+    change: Annotated[float, Range(0, 1)] = 0.0
+    """Share of the episodes amid which the body changes (`change.Change`)."""
     paths: Weights
     obstacles: Annotated[float, Range(0, 1)]
     """Share of the episodes with obstacles in the arena."""
@@ -114,7 +119,7 @@ class Recipe:
         )
         if kind == "drone":
             embodiment = replace(embodiment, lag_s=DRONE_LAG_S, delay_s=DRONE_DELAY_S)
-        return EpisodeSpec(
+        spec = EpisodeSpec(
             seed=seed,
             embodiment=embodiment,
             scene=_weighted(rng, self.scenes),
@@ -125,6 +130,9 @@ class Recipe:
             crossing=min(others, round(self.crossing.draw(rng))),
             noise=_weighted(rng, self.noise),
         )
+        if rng.random() >= self.change:
+            return spec
+        return replace(spec, change=Change.drawn(rng, self.episode_steps))
 
 
 def recipe_names() -> list[str]:
@@ -168,7 +176,9 @@ def parse_recipe(value: Any, *, where: str, name: str) -> Recipe:
     ):
         weights: Weights = getattr(recipe, key)
         for choice in weights:
-            if choice not in known:
+            if key == "scenes" and is_unreal(choice):
+                check_scene(choice)
+            elif choice not in known:
                 raise UsageError(f"{where}: {key}: unknown choice {choice!r}; known are {', '.join(known)}")
         if not any(weights.values()):
             raise UsageError(f"{where}: {key}: needs at least one choice with a weight above 0")

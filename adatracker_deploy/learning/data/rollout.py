@@ -54,14 +54,15 @@ class Rollout:
     def step(self, action: NDArray[np.float32]) -> None:
         """Execute an action of shape (2,), clipped to [-1, 1]."""
         action = np.clip(action, -1.0, 1.0).astype(np.float32)
-        tick = self._tracking.step(action)
+        command = to_twist(action, ACTION, self._tracking.limits)
+        tick = self._tracking.follow(command)
         self._masks.append(self.mask)
         self._columns.stepped(action, tick.visible)
         self._states.append(self._columns.row())
         lost = tick.end == "lost"
         self._rows.append((action, self.expert, tick.reward, tick.visible, self._dropped, lost))
         self.mask, self._dropped, self.ended = tick.observation.mask, tick.dropped, bool(tick.end)
-        self._guide.executed(to_twist(action, ACTION, self._tracking.limits))
+        self._guide.executed(command)
         self.expert = self._guide.act()
 
     def record(self) -> tuple[EpisodeHeader, Steps]:

@@ -6,7 +6,7 @@ side on which the target was last seen was the side that it went to in 59 of 100
 expert's turn averages to none: the policy hesitates for seconds. So, where the mask has been without a target
 for `PATIENCE` steps and the expert turns as fast as it can, the clone turns as fast as it can to the side on
 which the target was last seen, and goes on until it sees it again. That is a function of what the policy has
-seen, so it can be learned; and whoever goes on one way round has looked everywhere after a turn.
+seen, so it can be learned; and a full turn one way has looked everywhere.
 
 Ours, not the paper's.
 """

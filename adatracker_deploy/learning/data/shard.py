@@ -11,7 +11,7 @@ experts  float32 (T, 2) what the expert would have done there
 rewards  float32 (T,)  of the step that `actions` led to
 visible  bool (T,)     the target could be seen after that step, by the task's rule
 dropped  bool (T,)     the mask's frame was lost: it is empty, or the one before
-done     bool (T,)     the step ended the episode as lost; a horizon is no end of the task, and not marked
+done     bool (T,)     the step ended the episode as lost; a horizon is not an end of the task, and not marked
 states   float32 (T, S) the true state before the step, as `state.COLUMNS` names it
 finals   float32 (E, S) the true state after each episode's last step
 ======== ============= =======================================================================================
@@ -39,6 +39,9 @@ from adatracker_deploy.learning.episode_spec import MASK_SIZE, EpisodeSpec
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
+
+    from adatracker_deploy.learning.change import Change
+    from adatracker_deploy.learning.embodiment import Embodiment
 
 SCHEMA = "adatracker-shard-2"
 SHARD_STEPS = 5000
@@ -79,6 +82,22 @@ def unpack_masks(packed: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return words.view(np.uint8).reshape(*packed.shape[:-1], MASK_SIZE, MASK_SIZE)
 
 
+def distinct_patches(packed: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
+    """Return the different patches of 4 x 4 pixels in packed masks (..., 1024), and where they are.
+
+    Masks are flat almost everywhere: a thousand of them have 262,144 patches, and of these about a thousand
+    differ where the masks are clean.
+
+    Returns:
+        classes (U, 4, 4) of the patches, and for each patch of each mask, by rows, which it is: (..., 256).
+    """
+    across = MASK_SIZE // 4
+    bytes_of = packed.reshape(-1, across, 4, across).swapaxes(2, 3)  # four rows of a byte each
+    words, place = np.unique(np.ascontiguousarray(bytes_of).view(np.uint32), return_inverse=True)
+    kinds = _UNPACKED[words.view(np.uint8)].reshape(-1, 4, 4)
+    return kinds, place.reshape(*packed.shape[:-1], across * across).astype(np.int64)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Steps:
     """The arrays of a shard, or of one episode, as the module's docstring lists them."""
@@ -104,10 +123,20 @@ class Steps:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EpisodeHeader:
-    """What is known of one episode."""
+    """The description of one episode."""
 
     spec: EpisodeSpec
     steps: int
+
+    @property
+    def body(self) -> Embodiment:
+        """Its body, of which all is known."""
+        return self.spec.embodiment
+
+    @property
+    def change(self) -> Change | None:
+        """How its body changes on the way; None if it does not."""
+        return self.spec.change
 
 
 Record = tuple[EpisodeHeader, Steps]
@@ -119,7 +148,7 @@ class Shard:
     """Some whole episodes; the last may have been cut short to fill the shard exactly."""
 
     source: str
-    """Which collection it belongs to."""
+    """The collection that it belongs to."""
     episodes: tuple[EpisodeHeader, ...]
     steps: Steps
 

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 REMEMBERED = 4
 """Last actions in a state: what a body with 0.4 s of delay has not obeyed yet."""
+ACTION_COLUMNS = tuple(f"{axis}_{age}" for age in range(1, REMEMBERED + 1) for axis in ("forward", "yaw"))
+"""Newest first."""
 COLUMNS = (
     *("ahead_m", "left_m", "too_far_m", "bearing_rad"),  # the target, in the body frame
     *("target_ahead_m_s", "target_left_m_s"),  # its velocity, in the body frame
@@ -27,7 +29,7 @@ COLUMNS = (
     *("height_m", "pitch_deg", "fov_deg"),
     *("log_forward", "log_backward", "log_yaw", "lag_s", "delay_s"),
     *("lost", "visible"),  # consecutive lost steps as a share of those that end an episode; the last step's
-    *(f"{axis}_{age}" for age in range(1, REMEMBERED + 1) for axis in ("forward", "yaw")),  # newest first
+    *ACTION_COLUMNS,
 )
 _SLOWEST_M_S = 0.05
 """A body that cannot drive backward has a logarithm, too."""
@@ -38,7 +40,6 @@ class StateColumns:
 
     def __init__(self, tracking: Tracking) -> None:
         self._tracking = tracking
-        self._body = described(tracking.spec.embodiment)
         self._target = tracking.task.world.target_xy
         self._velocity = (0.0, 0.0)
         self._lost, self._visible = 0, True
@@ -64,7 +65,7 @@ class StateColumns:
             *(math.hypot(east, north) - DESIRED_DISTANCE_M, wrap_angle(math.atan2(north, east) - pose.yaw)),
             *(vx * cos + vy * sin, vy * cos - vx * sin),
             *(own.vx, own.yaw_rate),
-            *self._body,
+            *described(self._tracking.embodiment),
             *(self._lost / MAX_LOST_STEPS, float(self._visible)),
             *(value for action in self._actions for value in action),
         )

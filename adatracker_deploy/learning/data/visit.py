@@ -66,7 +66,7 @@ def collect_visited(
         seed: use another one for every round; equal seeds and policies give equal data.
         mix: share of the steps in which the expert drives, in stretches of some 15 steps.
         envs: E.
-        progress: told now and then how many steps are on disk.
+        progress: called now and then with the number of steps on disk.
 
     Raises:
         UsageError: the folder holds shards, or a world or body is not installed.

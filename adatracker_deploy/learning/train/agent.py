@@ -11,6 +11,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from adatracker_deploy.learning.checkpoint import ADATRACKER_MASK
+from adatracker_deploy.learning.data.shard import distinct_patches
 from adatracker_deploy.learning.networks import (
     AdaTrackerConfig,
     ContextEncoder,
@@ -44,10 +45,12 @@ a new one every tick: it changes little in between, as the consistency task asks
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sequences:
-    """A `Batch` as tensors, its masks drawn; K steps of past before L steps."""
+    """A `Batch` as tensors; K steps of past before L steps."""
 
-    masks: Tensor
-    """(B, K + L, C, S, S)."""
+    kinds: Tensor
+    """(U, C, 4, 4): the different patches of its masks, drawn."""
+    place: Tensor
+    """(B, K + L, P), int64: which of them each patch of a mask is, by rows."""
     actions: Tensor
     """(B, K + L, A)."""
     experts: Tensor
@@ -63,13 +66,15 @@ class Sequences:
     height_m: Tensor
     """(B,)."""
     log_limits: Tensor
-    """(B, 3)."""
+    """(B, L, 3)."""
     lag_s: Tensor
-    """(B,)."""
+    """(B, L)."""
     delay_s: Tensor
-    """(B,)."""
+    """(B, L)."""
     states: Tensor
     """(B, L, S), true; for critics alone."""
+    beliefs: Tensor
+    """(B, L, `belief.SIZE`); no columns where no policy is told."""
 
     @classmethod
     def of(cls, batch: Batch) -> Self:
@@ -77,9 +82,10 @@ class Sequences:
         plain = {
             name: torch.from_numpy(np.asarray(getattr(batch, name), np.float32))
             for name in cls.__dataclass_fields__
-            if name != "masks"
+            if name not in ("kinds", "place")
         }
-        return cls(masks=drawn(batch.masks), **plain)
+        kinds, place = distinct_patches(batch.packed)
+        return cls(kinds=drawn(kinds), place=torch.from_numpy(place), **plain)
 
     def to(self, device: torch.device) -> Self:
         """Return the same on a device."""
@@ -89,7 +95,7 @@ class Sequences:
 
 @dataclass(frozen=True, slots=True)
 class Recalled:
-    """What the networks make of sequences."""
+    """The networks' outputs for sequences."""
 
     x: Tensor
     """(B, L, H), the policy's recurrent feature."""
@@ -123,13 +129,14 @@ class Agent(nn.Module):
             sequences: on the networks' device.
             context_every: steps for which a context is kept.
         """
-        features = self.policy.backbone.sequences(sequences.masks)
+        features = self.policy.backbone.of_patches(sequences.kinds, sequences.place)
         past = features.shape[1] - sequences.valid.shape[1]
         z = None
         if self.encoder is not None:
             z = self._contexts(self.encoder, features, sequences.actions, context_every)
         last_actions = sequences.actions[:, past - 1 : -1] if self.config.last_action else None
-        x, _ = self.policy.recall(features[:, past:], z, None, last_actions)
+        beliefs = sequences.beliefs if self.config.belief else None
+        x, _ = self.policy.recall(features[:, past:], z, None, last_actions, beliefs)
         return Recalled(x, z)
 
     def _contexts(self, encoder: ContextEncoder, features: Tensor, actions: Tensor, every: int) -> Tensor:

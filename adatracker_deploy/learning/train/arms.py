@@ -32,7 +32,7 @@ ARMS: dict[str, tuple[Variant, ...]] = {
     "no-lstm": ("no-lstm",),
     "no-search": ("no-search",),
 }
-"""By name: what is left out. `no-encoder` is told its last action instead of a context, `no-last-action` is
+"""By name: what is left out. `no-encoder` gets its last action instead of a context, `no-last-action` is
 the paper's policy, `neither` is Offline EVT's on the same data."""
 
 BUNDLE_NAME = "bundle"

@@ -1,7 +1,8 @@
 """Offline reinforcement learning that works here: the logged actions, imitated by how good they were.
 
-Critics of the true state (`critics`) say how much better each executed action was than their own policy's;
-the deployed policy, which sees masks, imitates the executed actions with the exponential of that as a weight.
+Critics of the true state (`critics`), or of what a log measured, say how much better each executed action was
+than their own policy's; the deployed policy, which sees masks, imitates the executed actions with the
+exponential of that as a weight.
 Peng et al., "Advantage-Weighted Regression" (2019); Nair et al., "AWAC" (2020). No label of an expert and no
 new rollout enters: perturbed actions are left out by their advantage alone. The loss reaches all networks,
 the representation losses too.
@@ -15,9 +16,10 @@ from typing import TYPE_CHECKING, Any
 import torch
 from torch import Tensor
 
+from adatracker_deploy.learning.data import logged, state
 from adatracker_deploy.learning.train.agent import Agent, Sequences
 from adatracker_deploy.learning.train.critics import StateCritics
-from adatracker_deploy.learning.train.method import counted, imitate
+from adatracker_deploy.learning.train.method import Learner, Say, counted, imitate
 from adatracker_deploy.learning.train.settings import TrainSettings
 
 if TYPE_CHECKING:
@@ -30,7 +32,7 @@ _MOST = 20.0
 _RATE = 1e-3
 
 
-class Awr:
+class Awr(Learner):
     """Implements `Learner`.
 
     Attributes:
@@ -40,18 +42,21 @@ class Awr:
     def __init__(self, agent: Agent, settings: TrainSettings) -> None:
         self.agent = agent
         self._settings = settings
-        self.critics = StateCritics().to(next(agent.parameters()).device)
+        columns = logged.COLUMNS if settings.logs else state.COLUMNS
+        self.critics = StateCritics(columns).to(next(agent.parameters()).device)
         self._optimizer = torch.optim.Adam(agent.parameters(), lr=_RATE)
 
-    def prepare(self, data: Dataset) -> str:
-        """Fit the critics, once; return what came of it, in a line."""
+    def prepare(self, data: Dataset, say: Say) -> bool:
+        """Fit the critics, once."""
         if self.critics.fitted:
-            return ""
+            return False
         settings = self._settings
+        say(f"fitting the critics to the {'measured' if settings.logs else 'true'} states")
         told = self.critics.fit(
             data, updates=settings.critic_updates, conservative=settings.conservative, seed=settings.seed
         )
-        return f"critics: {settings.critic_updates} updates, loss {told['critics']:.4f}"
+        say(f"critics: {settings.critic_updates} updates, loss {told['critics']:.4f}")
+        return True
 
     def update(self, sequences: Sequences, number: int) -> dict[str, Tensor]:
         """Take one step of Adam."""

@@ -15,7 +15,7 @@ The paper gives two formulas and leaves the rest open. What is chosen here, and 
 * "We jointly optimize the context encoder and the policy": the critics' losses and ``L_rep`` train backbone,
   encoder and the policy's LSTM; the actor's loss trains the actor alone, on a feature that it does not move,
   as in the public code.
-* An episode ends where the target counts as lost; a horizon is no end, and its last step has no next state.
+* An episode ends where the target counts as lost; a horizon ends none, and its last step has no next state.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from torch.nn import functional
 from adatracker_deploy.learning.losses import mean_where
 from adatracker_deploy.learning.networks import Actor, Critic
 from adatracker_deploy.learning.train.agent import Agent, Sequences
-from adatracker_deploy.learning.train.method import counted, representation_losses
+from adatracker_deploy.learning.train.method import Learner, counted, representation_losses
 from adatracker_deploy.learning.train.settings import TrainSettings
 
 _DISCOUNT = 0.99
@@ -43,7 +43,7 @@ _RATE, _ACTOR_RATE = 3e-4, 3e-5
 _CLIP = 1.0
 
 
-class CqlSac:
+class CqlSac(Learner):
     """Implements `Learner`.
 
     Attributes:
@@ -70,7 +70,7 @@ class CqlSac:
     def update(self, sequences: Sequences, number: int) -> dict[str, Tensor]:
         """Take one step each: critics with all that sees, actor, entropy weight, target critics."""
         torch.manual_seed(int(np.random.SeedSequence([self._settings.seed, number]).generate_state(1)[0]))
-        with torch.autocast(sequences.masks.device.type, torch.bfloat16, enabled=self._settings.bfloat16):
+        with torch.autocast(sequences.place.device.type, torch.bfloat16, enabled=self._settings.bfloat16):
             recalled = self.agent.recall(sequences)
             steps = Transitions.of(recalled.x.float(), sequences)
             bellman, conservative = self._critic_losses(steps)

@@ -1,9 +1,10 @@
-"""Critics of the true state, and the deterministic policy that they improve: TD3 with a term of cloning.
+"""Critics of the state, and the deterministic policy that they improve: TD3 with a term of cloning.
 
 Simulation knows the state that masks only hint at, so what an action is worth can be learned from it, while
 the policy that is deployed sees masks alone (asymmetric actor-critic: Pinto et al., "Asymmetric Actor Critic
 for Image-Based Robot Learning", 2018). Fujimoto and Gu, "A Minimalist Approach to Offline Reinforcement
-Learning" (NeurIPS 2021): TD3 whose actor also imitates the data.
+Learning" (NeurIPS 2021): TD3 whose actor also imitates the data. A log knows no true state: there critics see
+what was measured, boxes and velocities.
 """
 
 from __future__ import annotations
@@ -34,12 +35,14 @@ _BATCH = 256
 _SAMPLES = 10
 _SPREAD_STATES = 4000
 _GRID = (-0.9, 0.0, 0.9)
-_FORWARD, _BACKWARD, _YAW = (COLUMNS.index(name) for name in ("log_forward", "log_backward", "log_yaw"))
-_TARGET_AHEAD = COLUMNS.index("target_ahead_m_s")
+_TARGET = "target_ahead_m_s"
 
 
 class StateCritics(nn.Module):
-    """Twin critics Q(s, a) and a policy pi(s), of true states.
+    """Twin critics Q(s, a) and a policy pi(s), of states.
+
+    Args:
+        columns: of a state: the true one's, or what a log measured (`logged.COLUMNS`).
 
     Attributes:
         spread: by how much Q differs over actions, on average over the data; the unit of an advantage.
@@ -49,10 +52,12 @@ class StateCritics(nn.Module):
     std: Tensor
     spread: Tensor
 
-    def __init__(self) -> None:
+    def __init__(self, columns: tuple[str, ...] = COLUMNS) -> None:
         super().__init__()
-        states = len(COLUMNS)
-        self.critics = nn.ModuleList(_network(states + 5, 1) for _ in range(2))
+        states = len(columns)
+        self._columns = columns
+        moved = 3 if _TARGET in columns else 2
+        self.critics = nn.ModuleList(_network(states + 2 + moved, 1) for _ in range(2))
         self.policy = _network(states, 2)
         self.register_buffer("mean", torch.zeros(states))
         self.register_buffer("std", torch.ones(states))
@@ -64,8 +69,8 @@ class StateCritics(nn.Module):
         return bool(self.spread > 0)
 
     def values(self, states: Tensor, actions: Tensor) -> Tensor:
-        """Return both critics' values (2, ...) of actions (..., 2) in true states (..., S)."""
-        seen = torch.cat((self._standard(states), actions, _moved(states, actions)), dim=-1)
+        """Return both critics' values (2, ...) of actions (..., 2) in states (..., S)."""
+        seen = torch.cat((self._standard(states), actions, self._moved(states, actions)), dim=-1)
         return torch.stack([critic(seen).squeeze(-1) for critic in self.critics])
 
     def act(self, states: Tensor) -> Tensor:
@@ -144,6 +149,17 @@ class StateCritics(nn.Module):
         standard: Tensor = (states - self.mean) / self.std
         return standard
 
+    def _moved(self, states: Tensor, actions: Tensor) -> Tensor:
+        """Return what actions mean in this body, halved: speed, turn and, if known, speed to the target."""
+        forward, yaw = actions[..., 0], actions[..., 1]
+        ahead = torch.where(forward >= 0, self._of(states, "log_forward"), self._of(states, "log_backward"))
+        speed, turn = forward * ahead.exp(), yaw * self._of(states, "log_yaw").exp()
+        told = (speed, turn, speed - self._of(states, _TARGET)) if _TARGET in self._columns else (speed, turn)
+        return torch.stack(told, dim=-1) / 2
+
+    def _of(self, states: Tensor, column: str) -> Tensor:
+        return states[..., self._columns.index(column)]
+
 
 class _Tensors:
     """`Moves` as float tensors."""
@@ -163,15 +179,6 @@ def _network(inputs: int, outputs: int) -> nn.Sequential:
         *(nn.Linear(_WIDTH, _WIDTH), nn.LayerNorm(_WIDTH), nn.ReLU()),
         nn.Linear(_WIDTH, outputs),
     )
-
-
-def _moved(states: Tensor, actions: Tensor) -> Tensor:
-    """Return what actions mean in this body (..., 3): speed, turn and speed towards the target, halved."""
-    forward, yaw = actions[..., 0], actions[..., 1]
-    limit = torch.where(forward >= 0, states[..., _FORWARD], states[..., _BACKWARD]).exp()
-    speed = forward * limit
-    turn = yaw * states[..., _YAW].exp()
-    return torch.stack((speed, turn, speed - states[..., _TARGET_AHEAD]), dim=-1) / 2
 
 
 def _rate(done: float) -> float:

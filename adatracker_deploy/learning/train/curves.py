@@ -1,11 +1,11 @@
-"""A run's training curves: always ``curves.csv``, and TensorBoard events if that is installed."""
+"""A run's training curves: always ``curves.csv``, TensorBoard events if that is installed, other loggers."""
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Protocol
 
 from torch import Tensor
 
@@ -19,10 +19,36 @@ EVERY = 50
 """Updates that a row is the mean of."""
 
 
+class MetricLogger(Protocol):
+    """Keeps a run's curves somewhere else, too."""
+
+    def write(self, update: int, means: Mapping[str, float]) -> None:
+        """Take the means, by name, of the `EVERY` updates up to this one."""
+
+    def close(self) -> None:
+        """Finish; nothing more comes."""
+
+
+class TensorBoard:
+    """Writes TensorBoard's event files."""
+
+    def __init__(self, out: Path, update: int) -> None:
+        self._events = SummaryWriter(out / "tensorboard", purge_step=update + 1)
+
+    def write(self, update: int, means: Mapping[str, float]) -> None:
+        """Add a point to each curve."""
+        for name, mean in means.items():
+            self._events.add_scalar(name, mean, update)
+
+    def close(self) -> None:
+        """Finish the file."""
+        self._events.close()
+
+
 class Curves:
     """Takes scalars update by update; a row of ``curves.csv`` is (update, name, mean)."""
 
-    def __init__(self, out: Path, update: int) -> None:
+    def __init__(self, out: Path, update: int, loggers: Sequence[MetricLogger] = ()) -> None:
         """Go on after `update` updates: what a lost continuation wrote beyond them is dropped."""
         self._path = out / NAME
         rows = _rows(self._path)
@@ -32,9 +58,8 @@ class Curves:
             )
         self._sums: dict[str, float] = {}
         self._count = 0
-        self._events: Any = None
-        if SummaryWriter is not None:
-            self._events = SummaryWriter(out / "tensorboard", purge_step=update + 1)
+        drawn = [] if SummaryWriter is None else [TensorBoard(out, update)]
+        self._loggers: tuple[MetricLogger, ...] = (*drawn, *loggers)
 
     def add(self, update: int, values: Mapping[str, Tensor | float]) -> None:
         """Take the scalars of one update, and write a row each when `EVERY` have come."""
@@ -48,14 +73,13 @@ class Curves:
     def _write(self, update: int, means: Mapping[str, float]) -> None:
         with self._path.open("a", encoding="utf-8", newline="") as file:
             csv.writer(file).writerows((update, name, f"{mean:.6g}") for name, mean in means.items())
-        if self._events is not None:
-            for name, mean in means.items():
-                self._events.add_scalar(name, mean, update)
+        for logger in self._loggers:
+            logger.write(update, means)
 
     def close(self) -> None:
-        """Finish TensorBoard's file."""
-        if self._events is not None:
-            self._events.close()
+        """Close all loggers."""
+        for logger in self._loggers:
+            logger.close()
 
 
 def _rows(path: Path) -> list[list[str]]:

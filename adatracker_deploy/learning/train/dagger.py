@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from adatracker_deploy.learning.train.agent import Agent, Sequences
-from adatracker_deploy.learning.train.method import counted, imitate
+from adatracker_deploy.learning.train.method import Learner, counted, imitate
 from adatracker_deploy.learning.train.settings import TrainSettings
 
 _RATE = 1e-3
@@ -23,7 +23,7 @@ _DECAY_FROM = 0.5
 """Share of the run after which the learning rate falls, along a cosine, to the last one."""
 
 
-class Dagger:
+class Dagger(Learner):
     """Implements `Learner`."""
 
     def __init__(self, agent: Agent, settings: TrainSettings) -> None:
@@ -39,10 +39,14 @@ class Dagger:
             self.agent,
             self._optimizer,
             sequences,
-            actions=sequences.experts,
+            actions=self._wanted(sequences),
             weight=counted(sequences),
             settings=self._settings,
         )
+
+    def _wanted(self, sequences: Sequences) -> Tensor:
+        """Return the actions to imitate, (B, L, A)."""
+        return sequences.experts
 
     def state_dict(self) -> dict[str, Any]:
         """Return weights and Adam's moments."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, Protocol
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, Protocol
 
 import torch
 from torch import Tensor
@@ -12,11 +12,21 @@ from adatracker_deploy.learning import losses
 from adatracker_deploy.learning.train.agent import Agent, Sequences
 from adatracker_deploy.learning.train.settings import BURN_IN, TrainSettings
 
+if TYPE_CHECKING:
+    from adatracker_deploy.learning.data.dataset import Dataset
+
+Say = Callable[[str], None]
+"""Told in a line what happens now."""
+
 
 class Learner(Protocol):
     """A method at work on an agent."""
 
     agent: Agent
+
+    def prepare(self, data: Dataset, say: Say) -> bool:  # noqa: ARG002 - most methods need nothing
+        """Do what the first update needs, once; return whether there was anything to do."""
+        return False
 
     def update(self, sequences: Sequences, number: int) -> Mapping[str, Tensor]:
         """Improve the agent once.
@@ -52,7 +62,7 @@ def imitate(
     settings: TrainSettings,
 ) -> dict[str, Tensor]:
     """Take one step towards actions (B, L, A), weighed by (B, L), with ``L_rep``; return the losses."""
-    with torch.autocast(sequences.masks.device.type, torch.bfloat16, enabled=settings.bfloat16):
+    with torch.autocast(sequences.place.device.type, torch.bfloat16, enabled=settings.bfloat16):
         recalled = agent.recall(sequences)
         mean, _ = agent.policy.actor(recalled.x)
         parts = {"cloning": losses.cloning_loss(mean, actions, weight)}
@@ -60,7 +70,7 @@ def imitate(
     weights = {"cloning": _CLONING}
     loss = sum(
         (weights.get(name, _REPRESENTATION) * part for name, part in parts.items()),
-        start=torch.zeros((), device=sequences.masks.device),
+        start=torch.zeros((), device=sequences.place.device),
     )
     optimizer.zero_grad()
     loss.backward()  # type: ignore[no-untyped-call]

@@ -60,7 +60,7 @@ def train_online(settings: OnlineSettings, out: Path, say: Callable[[str], None]
     Args:
         settings: of the run.
         out: a folder; after each body the learner's state is saved there.
-        say: told in a line which body is next, and how it went.
+        say: called with a line for each body, and its result.
 
     Raises:
         UsageError: the folder cannot be made, or there is no such condition.

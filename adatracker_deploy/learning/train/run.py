@@ -12,9 +12,10 @@ from __future__ import annotations
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,10 +26,11 @@ from adatracker_deploy.learning.data.dataset import Dataset
 from adatracker_deploy.learning.data.recipe import load_recipe
 from adatracker_deploy.learning.train.agent import Agent, Sequences
 from adatracker_deploy.learning.train.awr import Awr
+from adatracker_deploy.learning.train.cloning import Cloning
 from adatracker_deploy.learning.train.cql_sac import CqlSac
-from adatracker_deploy.learning.train.curves import Curves
+from adatracker_deploy.learning.train.curves import Curves, MetricLogger
 from adatracker_deploy.learning.train.dagger import Dagger
-from adatracker_deploy.learning.train.method import Learner
+from adatracker_deploy.learning.train.method import Learner, Say
 from adatracker_deploy.learning.train.settings import TrainSettings
 from adatracker_deploy.learning.train.snapshot import (
     POLICY_NAME,
@@ -43,8 +45,6 @@ from adatracker_deploy.learning.train.visitor import visit_round
 
 SNAPSHOT_EVERY_S = 120.0
 
-Say = Callable[[str], None]
-"""Told in a line what happens now."""
 Tell = Callable[[int, float], None]
 """Told, after an update, how many were made and the last loss."""
 
@@ -59,23 +59,26 @@ def train(
     workers: int = 1,
     say: Say,
     tell: Tell,
+    open_loggers: Callable[[], Sequence[MetricLogger]] = tuple,
 ) -> Path:
     """Train until the last update and return the policy's checkpoint.
 
     Args:
         settings: of the run.
-        data: folders of shards to begin with.
+        data: folders of shards to begin with, or of logged trials.
         out: the run's folder, made where it is missing.
         resume: go on with the run in `out`.
         device: where torch computes.
         workers: processes that visit.
-        say: see `Say`.
+        say: see `method.Say`.
         tell: see `Tell`.
+        open_loggers: asked once the request is known to be right for what keeps the curves, besides
+            ``curves.csv`` and TensorBoard.
 
     Raises:
         UsageError: the folder holds a run and `resume` is off, or holds none and it is on; the settings or
             the data are not that run's; the data cannot be read; no such device or recipe; the run to begin
-            with is missing or has other networks.
+            with is missing or has other networks; `dagger` is to learn from logged trials.
         KeyboardInterrupt: the run was interrupted, and is saved.
     """
     if not resume and (out / SNAPSHOT_NAME).exists():
@@ -83,6 +86,12 @@ def train(
     snapshot = read_snapshot(out) if resume else None
     load_recipe(settings.recipe)
     base = Dataset.open(data)
+    settings = replace(settings, logs=base.logged)
+    if base.logged and settings.method == "dagger":
+        raise UsageError(
+            "--method dagger: asks an expert, whom logged trials do not have; "
+            "cloning, awr and cql_sac learn from what was done"
+        )
     if snapshot is not None:
         check_same_run(snapshot, settings, len(base), out)
     learner = _learner(settings, device)
@@ -95,7 +104,8 @@ def train(
     except OSError as error:
         raise UsageError(f"{out}: cannot be made: {error}") from error
     update = snapshot.update if snapshot else 0
-    _Run(settings, data, out, learner, update=update, base=base, workers=workers).all_rounds(say, tell)
+    run = _Run(settings, data, out, learner, update=update, base=base, workers=workers)
+    run.all_rounds(say, tell, open_loggers())
     return out / POLICY_NAME
 
 
@@ -109,6 +119,7 @@ def _learner(settings: TrainSettings, device: str) -> Learner:
     agent.train()
     learners: dict[str, Callable[[Agent, TrainSettings], Learner]] = {
         "dagger": Dagger,
+        "cloning": Cloning,
         "awr": Awr,
         "cql_sac": CqlSac,
     }
@@ -119,11 +130,11 @@ def _begin_with(agent: Agent, other: Path) -> None:
     """Take over the networks of another run.
 
     Raises:
-        UsageError: there is no run, or its networks are others.
+        UsageError: there is no run, or its networks differ.
     """
     found = read_snapshot(other)
     if found.settings.config() != agent.config:
-        raise UsageError(f"{other}: its networks are others: {found.settings.variants or 'nothing'} left out")
+        raise UsageError(f"{other}: its networks differ: {found.settings.variants or 'nothing'} left out")
     agent.load_state_dict(found.learner["agent"])
 
 
@@ -149,15 +160,12 @@ class _Run:
         self._workers = workers
         self._saved_s = time.monotonic()
 
-    def all_rounds(self, say: Say, tell: Tell) -> None:
+    def all_rounds(self, say: Say, tell: Tell, loggers: Sequence[MetricLogger]) -> None:
         if self._update == 0:
             self._save()  # so that whatever interrupts it, there is something to resume
-        if isinstance(self._learner, Awr):
-            say("fitting the critics to the true states")
-            if told := self._learner.prepare(self._dataset):
-                say(told)
-                self._save()
-        curves = Curves(self._out, self._update)
+        if self._learner.prepare(self._dataset, say):
+            self._save()
+        curves = Curves(self._out, self._update, loggers)
         rounds = self._settings.rounds if self._settings.method == "dagger" else 0
         try:
             for number in range(rounds + 1):
@@ -186,12 +194,13 @@ class _Run:
         )
         visited = Dataset.open(folders[-1:])
         reward = float(visited.steps.rewards.mean())
-        lost = float(visited.steps.done.sum() / len(visited.specs))
+        lost = float(visited.steps.done.sum() / len(visited.headers))
         say(f"round {number}: reward {reward:.3f} a step, {lost:.1%} of the episodes lost")
         self._dataset = self._labelled(Dataset.open([*self._data, *folders]))
 
     def _labelled(self, data: Dataset) -> Dataset:
         searches = self._settings.method == "dagger" and "no-search" not in self._settings.variants
+        data = data.believing() if self._settings.belief else data
         return data.searching() if searches else data
 
     def _improve(self, end: int, curves: Curves, tell: Tell) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from adatracker_deploy.config.schema import Range
 from adatracker_deploy.learning.networks import AdaTrackerConfig
 
-Method = Literal["dagger", "awr", "cql_sac"]
+Method = Literal["dagger", "cloning", "awr", "cql_sac"]
 Variant = Literal[
     "no-identification",
     "no-dynamics",
@@ -31,7 +31,7 @@ class TrainSettings:
     """Name or path; what visited episodes are drawn from."""
     method: Method = "dagger"
     variants: tuple[Variant, ...] = ()
-    """What is left out: the identification task (reward, height and our dynamics head), that head alone, the
+    """Parts left out: the identification task (reward, height and our dynamics head), that head alone, the
     consistency task, the encoder, the policy's LSTM, the last action as an input of the policy, the search
     labels of DAgger (`data/search.py`)."""
     init: str | None = None
@@ -51,12 +51,18 @@ class TrainSettings:
     """Updates of `awr`'s critics, before the policy's first."""
     conservative: Annotated[float, Range(0, 100)] = 0.0
     """Weight of the conservative term in the losses of `awr`'s critics."""
+    logs: bool = False
+    """The data are logged trials, not shards; `run.train` finds out."""
+    belief: bool = False
+    """The policy is told the belief across gaps (`policy.belief`)."""
     bfloat16: bool = False
     """Pays where the processor multiplies such numbers itself (AMX, a GPU); elsewhere it is slower."""
 
     def config(self) -> AdaTrackerConfig:
         """Return the networks' sizes."""
         config = AdaTrackerConfig(
-            last_action="no-last-action" not in self.variants, lstm="no-lstm" not in self.variants
+            last_action="no-last-action" not in self.variants,
+            lstm="no-lstm" not in self.variants,
+            belief=self.belief,
         )
         return replace(config, history=0, context=0) if "no-encoder" in self.variants else config

@@ -35,7 +35,7 @@ class Snapshot:
     data_steps: int
     """Number of steps in the data set that the run began with."""
     update: int
-    """How many were made."""
+    """Number of updates made."""
     learner: dict[str, Any]
 
 
@@ -64,7 +64,7 @@ def read_snapshot(out: Path) -> Snapshot:
         )
     content = load_values(path)
     if not isinstance(content, dict) or content.get("format") != _FORMAT:
-        raise UsageError(f"{path}: is no snapshot that this version reads ({_FORMAT})")
+        raise UsageError(f"{path}: is not a snapshot that this version reads ({_FORMAT})")
     return Snapshot(
         settings=parse(TrainSettings, content["settings"], where=f"{path}: settings"),
         data_steps=content["data_steps"],
@@ -92,14 +92,16 @@ def check_same_run(snapshot: Snapshot, settings: TrainSettings, data_steps: int,
 
 def write_policy(out: Path, agent: Agent, settings: TrainSettings, update: int) -> None:
     """Write the policy as it stands, for export."""
-    left_out = f", {', '.join(settings.variants)}" if settings.variants else ""
+    parts = (*settings.variants, *(("belief",) if settings.belief else ()))
+    apart = f", {', '.join(parts)}" if parts else ""
+    source = "logged trials" if settings.logs else f"recipe {Path(settings.recipe).stem}"
     meta = CheckpointMeta(
         name=f"adatracker_{settings.method}",
         mask=ADATRACKER_MASK,
         action=ACTION,
         rate_hz=RATE_HZ,
         training=(
-            f"{settings.method}, recipe {Path(settings.recipe).stem}{left_out}\n"
+            f"{settings.method}, {source}{apart}\n"
             f"{update} updates of {settings.batch} x {settings.length} steps, seed {settings.seed}."
         ),
         licence="Apache-2.0",

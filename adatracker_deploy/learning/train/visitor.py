@@ -12,10 +12,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from adatracker_deploy.core.messages import MaskClass
 from adatracker_deploy.learning.data.recipe import Recipe
 from adatracker_deploy.learning.data.visit import collect_visited
 from adatracker_deploy.learning.data.workers import in_processes
+from adatracker_deploy.learning.episode_spec import RATE_HZ
+from adatracker_deploy.learning.tracking import ACTION
 from adatracker_deploy.learning.train.agent import Agent, drawn
+from adatracker_deploy.policy import belief
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -35,6 +39,7 @@ class Visitor:
             self._blank = agent.policy.backbone.sequences(blank)
         self._features = self._blank[:, 0]
         self._pairs: Tensor | None = None
+        self._believed: NDArray[np.float32] | None = None
         self._state: LstmState | None = None
 
     @torch.no_grad()
@@ -55,10 +60,21 @@ class Visitor:
                 self._state[1].masked_fill(forget[None, :, None], 0.0),
             )
         told = last[:, None] if self._agent.config.last_action else None
-        x, self._state = policy.recall(self._features[:, None], z, self._state, told)
+        beliefs = self._beliefs(masks, last_actions, resets) if self._agent.config.belief else None
+        x, self._state = policy.recall(self._features[:, None], z, self._state, told, beliefs)
         mean, _ = policy.actor(x[:, 0])
         actions: NDArray[np.float32] = torch.tanh(mean).cpu().numpy()
         return actions
+
+    def _beliefs(
+        self, masks: NDArray[np.uint8], last_actions: NDArray[np.float32], resets: NDArray[np.bool_]
+    ) -> Tensor:
+        """Return the beliefs across gaps (E, 1, `belief.SIZE`), one step on."""
+        blank = belief.initial(len(masks))
+        before = blank if self._believed is None else np.where(resets[:, None], blank, self._believed)
+        sight, drive = belief.sight_of(masks == MaskClass.TARGET), belief.drive_of(last_actions, ACTION)
+        self._believed = belief.advance(before, sight, drive, 1.0 / RATE_HZ)
+        return torch.from_numpy(belief.told(self._believed)[:, None]).to(self._device)
 
     def _remembered(self, last: Tensor, forget: Tensor) -> Tensor:
         """Return the K pairs (E, K, F + A) that z is made of, the step before's the newest."""

@@ -11,12 +11,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.messages import MaskClass
+from adatracker_deploy.learning.change import Change
 from adatracker_deploy.learning.data import shard as module
 from adatracker_deploy.learning.data.dataset import Dataset
 from adatracker_deploy.learning.data.shard import (
     EpisodeHeader,
     Shard,
     Steps,
+    distinct_patches,
     pack_masks,
     read_shard,
     unpack_masks,
@@ -25,6 +28,7 @@ from adatracker_deploy.learning.data.shard import (
 from adatracker_deploy.learning.data.state import COLUMNS
 from adatracker_deploy.learning.embodiment import Embodiment
 from adatracker_deploy.learning.episode_spec import EpisodeSpec
+from adatracker_deploy.policy import belief
 
 
 def episode(seed: int, length: int):
@@ -69,6 +73,17 @@ def test_packed_masks_come_back_as_they_were(seed, count):
     assert np.array_equal(unpack_masks(pack_masks(masks)), masks)
 
 
+@settings(max_examples=30)
+@given(seed=st.integers(0, 1 << 32), flat=st.booleans())
+def test_masks_are_made_of_their_different_patches(seed, flat):
+    masks = np.random.default_rng(seed).integers(0, 4, (2, 3, 64, 64), np.uint8)
+    masks[:, :, 8:] *= not flat
+    kinds, place = distinct_patches(pack_masks(masks))
+    assert len(np.unique(kinds, axis=0)) == len(kinds)
+    patches = kinds[place].reshape(2, 3, 16, 16, 4, 4)
+    assert np.array_equal(patches.swapaxes(3, 4).reshape(masks.shape), masks)
+
+
 @settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 1 << 32), length=st.integers(1, 20), history=st.integers(0, 9))
 def test_every_place_of_a_batch_is_the_right_step_or_nothing(seed, length, history):
@@ -85,8 +100,8 @@ def test_every_place_of_a_batch_is_the_right_step_or_nothing(seed, length, histo
             exists = 0 <= t < LENGTHS[episode_index]
             wanted = np.array([episode_index, t], np.float32) / 1000 if exists else np.zeros(2)
             assert np.allclose(batch.actions[row, place], wanted)
-            assert batch.masks[row, place, 0, 0] == (1 + t % 3 if exists else 0)
-            assert batch.masks[row, place].sum() == batch.masks[row, place, 0, 0]
+            mask = unpack_masks(batch.packed[row, place])
+            assert mask[0, 0] == mask.sum() == (1 + t % 3 if exists else 0)
             if place >= history:
                 assert batch.valid[row, place - history] == exists
                 assert np.allclose(batch.experts[row, place - history], -wanted)
@@ -96,17 +111,27 @@ def test_every_place_of_a_batch_is_the_right_step_or_nothing(seed, length, histo
 def test_a_quarter_of_the_sequences_and_a_little_more_start_at_an_episodes_start(dataset):
     batch = dataset.sample(np.random.default_rng(0), 20_000, 6, 2)
     assert 0.25 < batch.start.mean() < 0.4
-    assert not batch.masks[batch.start][:, :2].any()
+    assert not batch.packed[batch.start][:, :2].any()
     assert not batch.actions[batch.start][:, :2].any()
 
 
 def test_the_bodys_numbers_stand_beside_each_sequence(dataset):
     batch = dataset.sample(np.random.default_rng(0), 4, 6, 2)
-    assert np.allclose(batch.log_limits[:, 0], math.log(2.0))
-    assert np.allclose(batch.log_limits[:, 1], math.log(1.3))
-    assert np.allclose(batch.log_limits[:, 2], math.log(math.radians(120)))
+    assert np.allclose(batch.log_limits[..., 0], math.log(2.0))
+    assert np.allclose(batch.log_limits[..., 1], math.log(1.3))
+    assert np.allclose(batch.log_limits[..., 2], math.log(math.radians(120)))
     assert np.allclose(batch.lag_s, 0.1)
     assert np.allclose(batch.delay_s, 0.2)
+
+
+def test_a_body_that_changes_is_another_from_that_step_on():
+    header, steps = RECORDS[0]
+    spec = dataclasses.replace(header.spec, change=Change(at_step=10, yaw=0.5, more_lag_s=0.3))
+    data = Dataset([dataclasses.replace(header, spec=spec)], steps)
+    batch = data.take(np.array([0, 0]), np.array([0, 7]), 6, 4)
+    assert np.allclose(batch.lag_s, [[0.1] * 6, [0.1] * 3 + [0.4] * 3])
+    yaw = np.exp(batch.log_limits[1, :, 2]) / math.radians(120)
+    assert np.allclose(yaw, [1, 1, 1, 0.5, 0.5, 0.5])
 
 
 def test_equal_generators_draw_equal_batches(dataset):
@@ -115,14 +140,33 @@ def test_equal_generators_draw_equal_batches(dataset):
         assert np.array_equal(getattr(a, name), getattr(b, name))
 
 
+def test_a_belief_begins_with_its_episode_and_knows_more_than_its_sequence():
+    """In every sequence the belief is that of the whole episode, computed alone from its start."""
+    masks = np.zeros((30, 64, 64), np.uint8)
+    masks[:5, 20:40, 10:20] = MaskClass.TARGET  # seen in the first steps and never again
+    (_, steps), records = RECORDS[0], list(RECORDS)
+    records[0] = (RECORDS[0][0], dataclasses.replace(steps, masks=pack_masks(masks)))
+    joined = Steps.joined([steps for _, steps in records])
+    data = Dataset([header for header, _ in records], joined).believing()
+    sights = belief.sight_of(masks == MaskClass.TARGET)
+    whole = belief.over_time(sights, records[0][1].actions, 0.1)
+    late = data.take(np.array([0]), np.array([12]), 6, 2)
+    assert np.allclose(late.beliefs[0], whole[12:18])
+    assert np.allclose(late.beliefs[0, :, belief.COLUMNS.index("left")], 1 - 30 / 64, atol=1e-6)
+    short = data.take(np.array([1]), np.array([0]), 10, 2).beliefs[0]
+    assert short[:7].any(axis=1).all()
+    assert not short[7:].any()
+    assert data.take(np.array([2]), np.array([3]), 2, 2).beliefs.shape == (1, 2, belief.SIZE)
+
+
 def test_shards_of_several_folders_are_one_data_set(tmp_path):
     for index, record in enumerate(RECORDS):
         (tmp_path / str(index)).mkdir()
         write_shard(tmp_path / str(index) / "shard-00000.npz", shard_of([record]))
     data = Dataset.open([tmp_path / "0", tmp_path / "2"])
-    assert [spec.seed for spec in Dataset.open([tmp_path]).specs] == [0, 1, 2]
+    assert [header.spec.seed for header in Dataset.open([tmp_path]).headers] == [0, 1, 2]
     assert len(data) == 42
-    assert [spec.seed for spec in data.specs] == [0, 2]
+    assert [header.spec.seed for header in data.headers] == [0, 2]
 
 
 def test_a_shard_comes_back_as_it_was(tmp_path):
@@ -135,7 +179,7 @@ def test_a_shard_comes_back_as_it_was(tmp_path):
 
 
 def test_no_shards_at_all_are_refused(tmp_path):
-    with pytest.raises(UsageError, match=r"no shards in .*: collect some first"):
+    with pytest.raises(UsageError, match=r"no shards and no trials in .*: collect some first"):
         Dataset.open([tmp_path])
 
 

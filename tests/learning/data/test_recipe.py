@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -13,7 +15,7 @@ from tests.learning.data import tiny
 
 
 def test_the_paper_and_the_deploy_recipe_are_shipped():
-    assert recipe_names() == ["deploy", "paper", "tall"]
+    assert recipe_names() == ["deploy", "paper", "tall", "wide"]
     assert load_recipe("paper").steps == 190_000
     assert load_recipe("deploy").steps == 1_000_000
 
@@ -50,6 +52,15 @@ def test_the_deploy_recipe_spans_the_papers_grid():
         assert ((heights > low) & (heights < high)).mean() > 0.03
     for low, high in ((0.3, 0.7), (0.8, 1.2), (1.8, 2.2), (2.7, 3.2)):
         assert ((speeds > low) & (speeds < high)).mean() > 0.01
+
+
+def test_a_share_of_change_changes_so_many_bodies_and_nothing_else():
+    plain, some = tiny.recipe(), tiny.recipe(change=0.5)
+    drawn = [(plain.draw(seed), some.draw(seed)) for seed in range(200)]
+    assert 70 <= sum(spec.change is not None for _, spec in drawn) <= 130
+    for without, spec in drawn:
+        assert replace(spec, change=None) == without
+        assert spec.change is None or 12 <= spec.change.at_step <= 28
 
 
 @pytest.mark.parametrize(
