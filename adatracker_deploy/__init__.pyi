@@ -1,4 +1,8 @@
-"""The public names; `__init__.py` loads each at its first use."""
+"""The public names; `__init__.py` loads each at its first use.
+
+The imports say where each is; `__all__` says that it is public, to type checkers and to the API pages. ruff
+refuses a name that is in one of the two alone.
+"""
 
 from .config.limits import Limits
 from .config.profile import CameraSettings, Profile

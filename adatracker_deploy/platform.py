@@ -11,6 +11,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
+from adatracker_deploy.config.effects import NONE, Effects
 from adatracker_deploy.config.schema import Range
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.core.faults import Fault
@@ -33,13 +34,15 @@ class Check:
     name: str
     ok: bool
     message: str
-    """What was found and, when not ok, how to mend it."""
+    """The finding and, when not ok, the remedy."""
     blocking: bool = True
+    fix: str = ""
+    """Shell commands that mend it, one a line; empty where it is mended otherwise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraMount:
-    """Where a simulated camera is mounted; part of a profile's ``sitl:`` section, never seen by a policy."""
+    """The mount of a simulated camera; part of a profile's ``sitl:`` section, never seen by a policy."""
 
     forward_m: Annotated[float, Range(-2, 2)] = 0.0
     up_m: Annotated[float, Range(-1, 4)] = 0.0
@@ -98,7 +101,9 @@ class Scenario:
     person: str = ""
     """The target's glTF file; empty for one of those that ship."""
     width_px: int = 640
-    """Of its pictures, 64 to 1920; they are 4 to 3."""
+    """Width of its pictures, 64 to 1920; they are 4 to 3."""
+    effects: Effects = NONE
+    """Fog, a rough road, people who sit down."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.target_speed_m_s <= _FASTEST_PERSON_M_S:  # false for NaN too
@@ -172,7 +177,7 @@ class Platform(abc.ABC):
     """The folder in the robot's own package that holds its profiles; None when the toolkit ships them."""
 
     traffic_formats: ClassVar[tuple[str, ...]] = ()
-    """What `export_traffic` writes, by suffix such as ``.asc``; empty when `record` writes nothing."""
+    """Formats of `export_traffic`, by suffix such as ``.asc``; empty when `record` writes nothing."""
 
     def __init__(self, profile: Profile, clock: Clock) -> None:
         self.profile = profile
@@ -243,6 +248,14 @@ class Platform(abc.ABC):
     @abc.abstractmethod
     def close(self) -> None:
         """Close the connection."""
+
+    @classmethod
+    def identity(cls, profile: Profile) -> str:  # noqa: ARG003 -- for those that say
+        """Name the robot that a profile reaches: the same for every profile that reaches it from here.
+
+        Empty where the robot's package does not say.
+        """
+        return ""
 
     @classmethod
     def camera(cls, profile: Profile, clock: Clock) -> Camera:  # noqa: ARG003 -- for those that have one

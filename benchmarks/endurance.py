@@ -45,12 +45,12 @@ GROWTH, GROWTH_MB = 0.03, 3.0
 TICKS = 10
 RATE_HZ = 20.0
 SAMPLES = 120
-"""Of a long run."""
+"""Number of samples of a long run."""
 COLUMNS = 10
 
 
 class Sample(NamedTuple):
-    """What a process has."""
+    """The resources of a process."""
 
     memory_mb: float
     threads: int

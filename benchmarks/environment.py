@@ -1,4 +1,4 @@
-"""How fast learning's environment is on one core, and how fast data is collected on all.
+"""Speed of learning's environment on one core, and of data collection on all.
 
 Run with ``python benchmarks/environment.py [--steps N] [--workers N]``; rates are by processor time, and for
 the collection by the clock.

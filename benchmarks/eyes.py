@@ -1,6 +1,6 @@
 """The eyes in rendered worlds, where the truth of every pixel is known, beside real footage.
 
-python benchmarks/eyes.py [--data DIR] [--scale] [--quality] [--identity CROSSINGS] [--seed S]
+python benchmarks/eyes.py [--data DIR] [--scale] [--quality] [--seed S]
 
 DIR is `benchmarks/perception.py`'s. Without it there is no column of real footage.
 
@@ -8,10 +8,6 @@ DIR is `benchmarks/perception.py`'s. Without it there is no column of real foota
   is looked at with several input sides, so that heights and people are independent.
 * quality: recall by height in the picture, the score's distribution, and how the best box jitters about the
   true one: the standard deviation of its centre and of its height, shares of the true height.
-* identity: a target and others walk about, some in the target's own clothes; a camera follows the target by
-  the truth, and the segmenter is told nothing but the pictures. A crossing: somebody nearer to the camera
-  overlaps the target from side to side, until nobody has for half a second. Wrong: two seconds later the
-  segmenter has somebody else. Found again: within two seconds it has had the target.
 """
 
 from __future__ import annotations
@@ -31,16 +27,11 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from adatracker_deploy.core.geometry import Pose
 from adatracker_deploy.core.messages import MaskClass
-from adatracker_deploy.core.sight import Verdict, judged
-from adatracker_deploy.core.task import DESIRED_DISTANCE_M
 from adatracker_deploy.perception.boxes import overlap
 from adatracker_deploy.perception.jpeg import developed
 from adatracker_deploy.perception.models.nanodet import SCORE, NanoDet
-from adatracker_deploy.perception.segmenters import EMBEDDED, open_segmenter
-from adatracker_deploy.perception.target.choice import Choice
 from adatracker_deploy.perception.weights import shipped
 from adatracker_deploy.sim import World, scene_names
-from adatracker_deploy.sim.render.figure import shipped_people
 from adatracker_deploy.sim.studio import Eye
 from benchmarks.perception import pictures, read_truth
 
@@ -48,10 +39,6 @@ MATCH = 0.5
 SIDES = (224, 288, 352, 416, 512, 640)
 BIN_PX = 15
 FOV_RAD = math.radians(90.0)
-RATE_HZ = 10.0
-AFTER_S = 2.0
-APART_S = 0.5
-SHOULDERS_M = 0.5
 HEIGHTS_M = (0.4, 1.0, 1.7, 3.0)
 
 
@@ -72,7 +59,6 @@ def main() -> None:
     parser.add_argument("--data", type=Path)
     parser.add_argument("--scale", action="store_true")
     parser.add_argument("--quality", action="store_true")
-    parser.add_argument("--identity", type=int, default=0, metavar="CROSSINGS")
     parser.add_argument("--people", type=int, default=400, metavar="N", help="pictures of each kind")
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
@@ -85,8 +71,6 @@ def main() -> None:
             print_scale(kinds)
         if arguments.quality:
             print_quality(kinds)
-    if arguments.identity:
-        print_identity(arguments.identity, arguments.seed)
 
 
 def rendered(seed: int) -> Iterator[Shown]:
@@ -196,103 +180,6 @@ def _off(found: np.ndarray, true: np.ndarray) -> tuple[float, float]:
         float(found[0] + found[2] - true[0] - true[2]) / 2 / tall,
         (float(found[3] - found[1]) - tall) / tall,
     )
-
-
-def print_identity(wanted: int, seed: int) -> None:
-    crossings = wrong = again = pictures_seen = 0
-    delays = []
-    for number in itertools.count():
-        for alike in (False, True):
-            found = crossed(seed * 10_000 + number, alike=alike)
-            crossings += len(found)
-            wrong += sum(each.wrong for each in found)
-            again += sum(each.found_s <= AFTER_S for each in found)
-            delays += [each.found_s for each in found if each.found_s <= AFTER_S]
-        if crossings >= wanted:
-            break
-    print(
-        f"{crossings} crossings: somebody else {wrong / crossings:.2%}, found again within {AFTER_S:g} s "
-        f"{again / crossings:.1%}, after {np.median(delays):.2f} s in the middle; {pictures_seen or ''}"
-    )
-
-
-@dataclass(slots=True)
-class Crossing:
-    """One, from its end on."""
-
-    end_s: float
-    found_s: float = math.inf
-    wrong: bool = False
-
-
-def crossed(seed: int, *, alike: bool, seconds: float = 60.0) -> list[Crossing]:
-    """Play a world; return its crossings whose two seconds are over."""
-    rng = np.random.default_rng(seed)
-    people = shipped_people()
-    target, likest = rng.permutation(len(people))[:2]
-    cast = (people[target], people[target if alike and rng.random() < 0.5 else likest])
-    world = World(
-        scene_names()[seed % len(scene_names())],
-        seed=seed,
-        path="random_walk",
-        others=4,
-        crossing=3,
-        cast=cast,
-    )
-    segmenter = open_segmenter(EMBEDDED, "person", Choice())[0]
-    segmenter.reset()
-    eye = Eye(world, FOV_RAD, seed=seed)
-    up_m, chosen = float(rng.choice(HEIGHTS_M[:3])), False
-    robot = world.start
-    crossings: list[Crossing] = []
-    near_since_s = -math.inf
-    ended = True
-    for step in range(round(seconds * RATE_HZ)):
-        now_s = step / RATE_HZ
-        if chosen:
-            world.step(1 / RATE_HZ, robot)
-            robot = following(robot, world)
-        camera = Pose(
-            robot.x, robot.y, robot.z + up_m, pitch=math.atan2(up_m - 0.9, DESIRED_DISTANCE_M), yaw=robot.yaw
-        )
-        frame = developed(eye.take(round(now_s * 1e9), step, robot, camera))
-        sight = judged(segmenter(frame).mask, frame.truth)
-        if not chosen:
-            chosen = sight.verdict is Verdict.SEEN
-            if now_s > 10.0 or sight.verdict is Verdict.SOMEBODY_ELSE:
-                return []
-            continue
-        if between(world, camera):
-            near_since_s, ended = now_s, False
-        elif not ended and now_s - near_since_s >= APART_S:
-            ended = True
-            crossings.append(Crossing(now_s - APART_S))
-        for each in crossings:
-            if now_s <= each.end_s + AFTER_S + 1e-6:
-                if sight.verdict is Verdict.SEEN:
-                    each.found_s = min(each.found_s, now_s - each.end_s)
-                each.wrong = sight.verdict is Verdict.SOMEBODY_ELSE
-    return [each for each in crossings if each.end_s + AFTER_S <= seconds]
-
-
-def following(robot: Pose, world: World) -> Pose:
-    """Return where a good follower is next: it turns to the target, and keeps its distance."""
-    x, y = world.target_xy
-    yaw = math.atan2(y - robot.y, x - robot.x)
-    gap = math.hypot(x - robot.x, y - robot.y) - DESIRED_DISTANCE_M
-    ahead = max(-0.15, min(0.15, gap))
-    return world.grounded(
-        Pose(robot.x + ahead * math.cos(yaw), robot.y + ahead * math.sin(yaw), yaw=yaw), 0.3
-    )
-
-
-def between(world: World, camera: Pose) -> bool:
-    """Return whether somebody nearer overlaps the target from side to side."""
-    away = np.hypot(*(world.people_xy - (camera.x, camera.y)).T)
-    bearing = np.array([camera.bearing_to(x, y) for x, y in world.people_xy])
-    half = np.arctan2(SHOULDERS_M / 2, away)
-    nearer = (away[1:] < away[0]) & (np.abs(bearing[1:] - bearing[0]) < half[1:] + half[0])
-    return bool(nearer.any())
 
 
 if __name__ == "__main__":

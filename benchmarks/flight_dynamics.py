@@ -1,4 +1,4 @@
-"""How much faster than real time the drone's body is stepped at 250 Hz, and what a fresh start costs.
+"""Speed of the drone's body, stepped at 250 Hz, against real time, and the cost of a fresh start.
 
     python benchmarks/flight_dynamics.py [--seconds 20] [--repeats 7]
 

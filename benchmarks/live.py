@@ -1,4 +1,4 @@
-"""What the log and the live view cost the loop: lateness and processor time with and without them.
+"""Cost of the log and the live view for the loop: lateness and processor time with and without them.
 
 python benchmarks/live.py [--seconds 20] [--rounds 6] [--awake]
 
@@ -96,7 +96,7 @@ class ReadyCamera:
 
 @dataclass
 class Case:
-    """What was measured of one of `CASES`."""
+    """The measurements of one of `CASES`."""
 
     lateness_ms: list[np.ndarray] = field(default_factory=list)
     missed: int = 0

@@ -1,4 +1,4 @@
-"""How well the loop keeps time: whole rehearsals at 20 Hz, with and without a log, idle and beside CPU hogs.
+"""Timing of the loop: whole rehearsals at 20 Hz, with and without a log, idle and beside CPU hogs.
 
 Run with ``python benchmarks/loop.py [--minutes 10] [--hogs 0 4] [--rest MS] [--log yes no]
 [--awake | --asleep] [--realtime] [--cpu LIST]``.

@@ -1,4 +1,4 @@
-"""Why does `cql_sac` fall short of cloning on equal data and updates? One difference at a time.
+"""The gap between `cql_sac` and cloning on equal data and updates, one difference at a time.
 
 python benchmarks/offline_rl.py --data DIR --out DIR [--updates 1500] [--seed 1] [--arm NAME ...]
 
@@ -40,7 +40,7 @@ from adatracker_deploy.learning.train.settings import TrainSettings
 from adatracker_deploy.learning.train.snapshot import SNAPSHOT_NAME, read_snapshot
 
 BATCHES, SIDE_SEED = 12, 987_654
-"""Of the steps on which arms are compared; no run draws from this seed."""
+"""Number and seed of the batches on which arms are compared; no run draws from this seed."""
 
 
 class ExecutedClone(Dagger):
@@ -59,7 +59,7 @@ class FastActor(CqlSac):
 
 
 class ClonedActor(FastActor):
-    """What the critics made of the networks, read out by cloning."""
+    """The networks as the critics left them, read out by cloning."""
 
     def update(self, sequences: Sequences, number: int) -> dict[str, Tensor]:
         self._wanted, self._counted = sequences.experts[:, :-1], counted(sequences)[:, :-1]

@@ -50,18 +50,18 @@ from adatracker_deploy.perception.target_segmenter import TargetSegmenter
 from adatracker_deploy.perception.weights import shipped
 
 RATE_HZ = 7.0
-"""Of PETS09-S2L1; the file says 10."""
+"""Frame rate of PETS09-S2L1; the file says 10."""
 MATCH = 0.5
 LOST_FRAMES = 20
 SURE_SCORE = 0.5
-"""Of the false people that are counted."""
+"""Least score of the false people that are counted."""
 FALSE = 0.3
 """A box that overlaps nobody by more is of no person."""
 THRESHOLDS = (0.35, 0.4, 0.45, 0.48, 0.5, 0.52, 0.55)
 TOLD = 20
 """Lines of the memory table."""
 LOOK_HZ = 200.0
-"""How often the perception thread looks for a frame, as in a trial."""
+"""Rate at which the perception thread polls for a frame, as in a trial."""
 
 
 def main() -> None:
@@ -290,7 +290,7 @@ def print_memory(videos: Path, frames: int) -> None:
 
 
 def resident_mib() -> float:
-    """Of this process, as Linux counts it."""
+    """Resident memory of this process, as Linux counts it."""
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
 

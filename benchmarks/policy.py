@@ -31,7 +31,7 @@ WARM_UP_TICKS = 20
 
 
 class TorchWindow:
-    """What a training script does at test time: encode the last K frames anew at every tick."""
+    """A training script's inference at test time: it encodes the last K frames anew at every tick."""
 
     def __init__(self, encoder: ContextEncoder, policy: ContextPolicy) -> None:
         config = encoder.config

@@ -1,4 +1,4 @@
-"""What the benchmarks of whole trials share: a plan for one, and the processes that it started."""
+"""Shared by the benchmarks of whole trials: a plan for one, and the processes that it started."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import sys
 from collections import Counter
 from pathlib import Path
 
-from adatracker_deploy.app.trial_run import TrialPlan
+from adatracker_deploy.app.trial_plan import TrialPlan
 from adatracker_deploy.perception.segmenters import TRUTH, open_segmenter
 from adatracker_deploy.perception.target.choice import Choice
 from adatracker_deploy.platform import Scenario
@@ -26,7 +26,7 @@ NAMES = {
     "_drone": "robot",
     "_quadruped": "robot",
 }
-"""What a trial's processes are called by a part of their command."""
+"""Names of a trial's processes, by a part of their command."""
 
 
 def rehearsal(

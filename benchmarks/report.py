@@ -1,4 +1,4 @@
-"""How long the report of a ten-minute trial takes and how large it is: 12,000 steps with 640x480 pictures.
+"""Time and size of the report of a ten-minute trial: 12,000 steps with 640x480 pictures.
 
 Run: python benchmarks/report.py [--trial FOLDER]
 """

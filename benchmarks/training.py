@@ -1,4 +1,4 @@
-"""How fast training is: updates of each method and variant, and steps visited by a policy.
+"""Speed of training: updates of each method and variant, and steps visited by a policy.
 
 Run with ``python benchmarks/training.py [--threads N] [--device cuda] [--bfloat16]``; a few updates of a full
 batch on freshly collected data. On the CPU, times are of the processor, so that a busy machine counts little.
@@ -20,6 +20,7 @@ from adatracker_deploy.learning.data.dataset import Dataset
 from adatracker_deploy.learning.data.recipe import load_recipe
 from adatracker_deploy.learning.data.visit import visit
 from adatracker_deploy.learning.train.agent import Agent, Sequences
+from adatracker_deploy.learning.train.awr import Awr
 from adatracker_deploy.learning.train.cql_sac import CqlSac
 from adatracker_deploy.learning.train.dagger import Dagger
 from adatracker_deploy.learning.train.settings import TrainSettings
@@ -38,7 +39,9 @@ def now_s(device: torch.device) -> float:
 
 def updates(dataset: Dataset, settings: TrainSettings, device: torch.device) -> None:
     agent = Agent(settings.config()).to(device)
-    learner = CqlSac(agent, settings) if settings.method == "cql_sac" else Dagger(agent, settings)
+    learner = {"cql_sac": CqlSac, "awr": Awr, "dagger": Dagger}[settings.method](agent, settings)
+    dataset = dataset.believing() if settings.belief else dataset
+    learner.prepare(dataset, print)
     for number in range(WARM_UP + UPDATES):
         if number == WARM_UP:
             begin_s = now_s(device)
@@ -72,6 +75,12 @@ if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as scratch:
         collect(load_recipe(RECIPE), Path(scratch), steps=3000)
         collected = Dataset.open([Path(scratch)])
-    for each in (plain, replace(plain, variants=("no-encoder",)), replace(plain, method="cql_sac")):
+    offline = replace(plain, method="awr", critic_updates=20, belief=True)
+    for each in (
+        plain,
+        replace(plain, variants=("no-encoder",)),
+        offline,
+        replace(plain, method="cql_sac"),
+    ):
         updates(collected, each, torch.device(arguments.device))
     visits(3200, 32)

@@ -1,4 +1,4 @@
-"""What a command, and a picture, take over each ground robot's wire; and what that costs.
+"""Latency of a command, and of a picture, over each ground robot's wire, and its cost.
 
 The adapters drive the simulators of ``--sitl``, in processes of their own; a bystander on the same
 bus or router notes when each command comes by. Pictures go through the quadruped's camera.

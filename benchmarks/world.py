@@ -1,4 +1,4 @@
-"""How fast the world is: masks, images and whole environment steps, on one core.
+"""Speed of the world: masks, images and whole environment steps, on one core.
 
 Run with ``python benchmarks/world.py``; prints one line a figure.
 """

@@ -4,7 +4,7 @@ Tests run in two processes, a file at a time (``-n 2 --dist loadfile``). Files t
 late, so that two cores then have two robots at most and nothing else, and whole rehearsals come last, one at
 a time (`alone`). Before a file of real-time tests what earlier ones left is collected, once; and a real-time
 test that failed while the machine itself stood still is run again (`reruns`), which is shown after the run
-and counted.
+and counted. What only repeats a claim is left to the night (`tiers`).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pathlib import Path
 import hypothesis
 import pytest
 
-pytest_plugins = ["tests.alone", "tests.reruns"]
+pytest_plugins = ["tests.alone", "tests.reruns", "tests.tiers"]
 
 IN_CI = bool(os.environ.get("CI"))
 """There the same examples are drawn each time, so that a change is judged by what it changes."""
@@ -31,6 +31,7 @@ REAL_TIME = (
     "outside",
     "perception",
     "quadruped",
+    "ros2",
     "runtime",
     "test_doctor",
     "trial",
@@ -47,20 +48,6 @@ def measured(record_property):
         record_property(MEASURED, line)
 
     return show
-
-
-def pytest_addoption(parser):
-    parser.addoption(
-        "--exhaustive",
-        action="store_true",
-        help="repeat what everyday runs sample: every race 50 times, every moment of a takeover",
-    )
-
-
-@pytest.fixture
-def exhaustive(request) -> bool:
-    """Whether to repeat in full what everyday runs sample."""
-    return bool(request.config.getoption("--exhaustive"))
 
 
 def pytest_collection_modifyitems(items):

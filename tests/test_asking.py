@@ -111,7 +111,7 @@ class Rig:
         return read_marks(self.folder / str(number) / "trial.mcap")
 
 
-def _nobody(stop_fd):
+def _nobody(stop_fd, **_):
     return contextlib.nullcontext(False)
 
 

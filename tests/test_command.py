@@ -8,6 +8,7 @@ import os
 import socket
 import subprocess
 import sys
+from importlib.util import find_spec
 
 import pytest
 import yaml
@@ -46,6 +47,10 @@ def refused(capsys, *arguments: str) -> str:
         (("--platform", "drone", "--camera", "robot://image", "--others", "2"), "--others needs a"),
         (("--platform", "drone", "--camera", "robot://image", "--person", "me.glb"), "--person needs a"),
         ((*DRONE, "--others", "21"), "out of range"),
+        (("--platform", "drone", "--camera", "robot://image", "--effects", "sit"), "--effects needs a"),
+        ((*DRONE, "--effects", "snow"), "'snow' is none of fog"),
+        ((*DRONE, "--effects", "fog=1"), "optical range of 5"),
+        ((*DRONE, "--effects", "road=C"), "a body that flies has no road"),
         ((*DRONE, "--person", "no/such.glb"), "no/such.glb"),
         ((*DRONE, "--person", "pyproject.toml"), "pyproject.toml"),
         ((*DRONE, "--steps", "0"), "out of range"),
@@ -57,6 +62,20 @@ def refused(capsys, *arguments: str) -> str:
         ((*DRONE, "--cpu", "fast"), "'fast' is neither a core nor a range"),
         ((*DRONE, "--stpes", "5"), "--stpes"),
         ((*DRONE, "--blur", "--no-frames"), "not allowed with"),
+        ((*DRONE, "--target", "click"), "waits for a click on the page: add --page"),
+        ((*DRONE, "--target", "click", "--page", "--segmenter", "truth"), "drop --target click"),
+        ((*DRONE, "--page", "8800", "--live", "8800"), "cannot share a port"),
+        ((*DRONE, "--page", "70000"), "out of range"),
+        ((*DRONE, "--policy", "teleop"), "say with what, by --teleop DEVICE"),
+        ((*DRONE, "--teleop", "no/such.jsonl"), "no/such.jsonl: cannot be read"),
+        ((*DRONE, "--teleop", "pyproject.toml"), "pyproject.toml: line 1"),
+        pytest.param(
+            (*DRONE, "--teleop", "/dev/input/event999999"),
+            "event999999: cannot be read",
+            marks=pytest.mark.skipif(find_spec("evdev") is None, reason="the extra teleop is not installed"),
+        ),
+        ((*DRONE, "--teleop", "keyboard"), "needs a terminal in the foreground"),
+        ((*DRONE, "--speed", "3", "--teleop", "keyboard"), "drop --speed"),
         (("--platform", "drone", "--fault", "link_drop@5"), "--fault is for rehearsals"),
         (("--platform", "drone", "--dry-run", "--fault", "link_drop@5"), "--fault is for rehearsals"),
         (

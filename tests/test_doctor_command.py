@@ -11,6 +11,7 @@ import pytest
 import yaml
 
 from adatracker_deploy.cli import main
+from adatracker_deploy.doctor import machine
 from adatracker_deploy.registry import profile_dir
 
 QUICK = ("doctor", "--seconds", "1", "--segmenter", "truth")
@@ -49,15 +50,30 @@ def test_a_machine_alone_is_looked_at(doctor):
         "real-time priority",
         "clock",
         "disk space",
+        "onnxruntime",
     }
     assert set(of_part(found, "timing")) == {"disk speed", "policy", "loop"}
     assert "fit for a trial" in err
     assert ("not fit" in err) != found["fit"]
 
 
+def test_the_commands_that_mend_it_are_printed_once_and_not_run(doctor, monkeypatch):
+    monkeypatch.setattr(
+        machine, "runtime_distributions", lambda: {"onnxruntime": "1", "onnxruntime-gpu": "2"}
+    )
+    status, found, err = doctor("--fix")
+    fix = of_part(found, "machine")["onnxruntime"]["fix"]
+    assert (status, fix.count("\n")) == (1, 1)
+    assert f"# onnxruntime\n{fix}\n" in err
+    assert err.count("pip install onnxruntime-gpu") == 2  # once in the sentence
+
+
 def test_the_segmenter_is_timed_unless_it_is_a_rehearsals(doctor):
     _, found, _ = doctor("--segmenter", "embedded")
-    assert "640x480 takes p50" in of_part(found, "timing")["perception"]["message"]
+    timing = of_part(found, "timing")
+    assert "640x480 takes p50" in timing["perception"]["message"]
+    assert timing["perception"]["message"].count(" on cpu") == 2  # a detector and a mask head
+    assert timing["policy"]["message"].startswith("on cpu a tick takes p50")
 
 
 def test_a_cameras_rate_and_size_are_told(doctor, pictures):
@@ -73,7 +89,7 @@ def test_a_camera_that_gives_nothing_refuses(doctor):
         status, found, err = doctor("--camera", f"http://127.0.0.1:{nobody.getsockname()[1]}/")
     camera = of_part(found, "camera")["camera"]
     assert (status, found["fit"], camera["ok"], camera["blocking"]) == (1, False, False, True)
-    assert "not fit for a trial: 1 to mend" in err
+    assert "not fit for a trial: 1 to fix" in err
 
 
 @pytest.mark.slow
@@ -105,13 +121,16 @@ def test_a_robot_that_is_not_there_refuses_with_a_sentence(doctor, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--sitl",), "say which with --platform"),
-        (("--profile", "scout"), "say which with --platform"),
+        (("--sitl",), "name it with --platform"),
+        (("--profile", "scout"), "name it with --platform"),
         (("--platform", "tricycle"), "tricycle"),
         (("--seconds", "0"), "--seconds: 0 is out of range [1, 3600]"),
         (("--camera", "missing.mp4"), "missing.mp4"),
         (("--policy", "missing"), "missing"),
         (("--segmenter", "magic"), "segmenter 'magic'"),
+        (("--provider", "gpu"), "invalid choice: 'gpu'"),
+        (("--provider", "coreml"), "provider 'coreml' is not in this onnxruntime, which has cpu"),
+        (("--policy", "pid", "--provider", "coreml"), "provider 'coreml' is not in this onnxruntime"),
     ],
 )
 def test_what_is_wrong_is_said_in_one_line(doctor, arguments, words):

@@ -30,7 +30,7 @@ print(json.dumps([name for name in sys.modules if name.startswith("adatracker_")
 """
 
 
-@pytest.mark.parametrize("name", ["drone", "quadruped", "wheeled"])
+@pytest.mark.parametrize("name", ["drone", "quadruped", "ros2", "wheeled"])
 def test_a_robot_is_found_and_described_without_its_simulator(name):
     done = subprocess.run(
         [sys.executable, "-c", LOADED.format(name=name)], check=True, capture_output=True, text=True
@@ -43,7 +43,7 @@ def test_a_robot_is_found_and_described_without_its_simulator(name):
     assert not [module for module in loaded if module.startswith("adatracker_deploy.faults")]
 
 
-@pytest.mark.parametrize("robot", ["drone", "quadruped", "wheeled"])
+@pytest.mark.parametrize("robot", ["drone", "quadruped", "ros2", "wheeled"])
 def test_every_robot_has_the_same_rooms_and_files(robot):
     package = ROOT / "platforms" / f"adatracker_{robot}"
     assert sorted(

@@ -10,7 +10,7 @@ import socket
 import subprocess
 import sys
 import threading
-import urllib.request
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -23,6 +23,7 @@ from adatracker_deploy.core.messages import Action, Box, Frame, Observation, Tar
 from adatracker_deploy.perception.capture import Capture
 from adatracker_deploy.perception.mjpeg_server import MjpegServer
 from adatracker_deploy.policy.base import ActionAxis, PolicyInfo
+from tests.page.browsing import Browser
 
 PERIOD_NS = 100_000_000
 
@@ -88,7 +89,8 @@ def test_what_was_seen_is_counted_by_its_state():
     summary = viewer.summary()
     assert summary["frames"] == 8
     assert summary["tracked"] == 0.5
-    assert summary["states"] == {"tracked": 3, "coasting": 1, "reacquired": 1, "lost": 2, "unchosen": 1}
+    some = {"tracked": 3, "coasting": 1, "reacquired": 1, "lost": 2, "unchosen": 1}
+    assert summary["states"] == some | {"choosing": 0}
     assert 0 < summary["frame_ms"]["p50"] <= summary["frame_ms"]["p95"]
     assert summary["rate_hz"] > 0
 
@@ -104,8 +106,10 @@ def test_a_policys_numbers_are_shown_in_the_axes_and_signs_of_its_manifest(monke
     monkeypatch.setattr(
         "adatracker_deploy.app.view_run.overlay", lambda *args: drawn.append(args[-1]) or picture(1)
     )
-    looked([TargetState.TRACKED], Backwards())
-    looked([TargetState.TRACKED])
+    for policy in (Backwards(), None):
+        viewer, (seen,) = looked([TargetState.TRACKED], policy)
+        viewer.drawn(seen)
+        assert viewer.moves(seen) == (None if policy is None else {"yaw": -0.25, "forward": -0.5})
     assert drawn[0].moves == {"yaw": -0.25, "forward": -0.5}
     assert drawn[0].sees is None
     assert drawn[1] is None
@@ -165,7 +169,7 @@ def test_without_a_policy_no_arrow_is_drawn(capsys, tmp_path, pictures):
 def test_people_read_lines_and_see_where_to_watch(capsys, pictures):
     assert main(["view", f"{pictures}?rate=60", "--policy", "none"]) == 0
     lines = capsys.readouterr().out
-    assert re.search(r"^watch it at http://127\.0\.0\.1:\d+", lines, re.MULTILINE)
+    assert re.search(r"^watch it at http://127\.0\.0\.1:\d+/#\S{22} \(Ctrl-C ends\)$", lines, re.MULTILINE)
     assert re.search(r"^frames     12, [\d.]+ Hz$", lines, re.MULTILINE)
     assert re.search(r"^target     seen in 0\.0%: 12 unchosen$", lines, re.MULTILINE)
     assert re.search(r"^per frame  p50 [\d.]+ ms, p95 [\d.]+ ms$", lines, re.MULTILINE)
@@ -229,23 +233,31 @@ def viewing(*arguments):
                 process.kill()
 
 
+def browser_of(url):
+    """Return a browser at a page's printed address."""
+    port, token = re.fullmatch(r"http://127\.0\.0\.1:(\d+)/#(\S+)", url).groups()
+    return Browser(SimpleNamespace(port=int(port), token=token))
+
+
 def first_picture(url):
-    """Return the first whole picture of a stream."""
-    with urllib.request.urlopen(url, timeout=10) as stream:
-        data = b""
-        while b"\xff\xd9" not in data:
-            data += stream.read1(65536)
-    jpeg = data[data.index(b"\xff\xd8") : data.index(b"\xff\xd9") + 2]
-    return cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
+    """Return the page's first state with a picture: the state, the picture, the mask."""
+    with browser_of(url).feed() as stream:
+        news, *images = stream.until(lambda update: update[1])
+    return news["state"], *(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) for data in images)
 
 
 def test_a_live_camera_is_watched_in_a_browser_until_ctrl_c(rehearsal):
     with viewing(rehearsal.url, "--segmenter", "truth", "--json") as (process, url):
-        for address in (url, url.removesuffix("/stream.mjpg")):
-            bgr = first_picture(address)
-            assert bgr.shape == (360, 480, 3)
-            blue, green, _ = map(int, bgr[190, 90])
-            assert green > blue + 30  # the target's tint
+        state, bgr, mask = first_picture(url)
+        assert bgr.shape == (48, 64, 3)
+        assert (state["phase"], state["target"]) == ("viewing", "seen")
+        assert state["box"] == pytest.approx([12.5 / 64, 25 / 48, 15 / 64, 30 / 48])
+        assert state["wish"]["yaw_rate"] > 0  # the person is to the left
+        assert state["ms"]["perception and policy"] > 0
+        blue, green, _ = map(int, mask[mask.shape[0] // 2, round(mask.shape[1] * 12 / 64)])
+        assert green > blue + 30  # the target's colour
+        assert browser_of(url).post("/choose", seq=1, x=0.5, y=0.5)[0] == 409  # the truth cannot be chosen
+        assert browser_of(url).post("/stop")[0] == 409
         process.send_signal(signal.SIGINT)
         out, err = process.communicate(timeout=20)
     summary = json.loads(out.splitlines()[-1])
@@ -255,6 +267,21 @@ def test_a_live_camera_is_watched_in_a_browser_until_ctrl_c(rehearsal):
     assert summary["frames"] > 0
     assert summary["tracked"] == 1.0
     assert summary["states"]["tracked"] == summary["frames"]
+
+
+def test_a_click_on_nobody_in_a_live_camera_is_told_on_the_page(rehearsal):
+    with viewing(rehearsal.url, "--policy", "none", "--target", "click") as (process, url):
+        browser = browser_of(url)
+        with browser.feed() as stream:
+            news, *_ = stream.until(lambda update: update[1])
+            assert (news["state"]["target"], news["state"]["box"]) == ("no target yet", None)
+            assert browser.post("/choose", seq=news["state"]["seq"], x=0.25, y=0.5) == (202, {"number": 1})
+            news, *_ = stream.until(lambda update: "events" in update[0])
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=20)
+    ((level, text),) = news["events"]
+    assert level == "warning"
+    assert text == "click at 0.25, 0.50: nobody was found there, so the target is the same as before"
 
 
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
@@ -294,7 +321,7 @@ def test_a_camera_that_never_opens_is_told_in_five_seconds(capsys):
         ((), "FILE|CAMERA"),
         (("no-such-file.mp4",), "no such file"),
         (("{text}",), "cannot be opened as a video"),
-        (("world://simple_room",), "only a run with its robot"),
+        (("world://simple_room",), "only in a run with its robot"),
         (("{pictures}", "--segmenter", "genius"), "segmenter 'genius': expected embedded"),
         (("{pictures}", "--segmenter", "no.onnx"), "no.onnx"),
         (("{pictures}", "--prompt", "cat"), "prompt 'cat'"),
@@ -303,8 +330,9 @@ def test_a_camera_that_never_opens_is_told_in_five_seconds(capsys):
         (("{pictures}", "--write", "out.gif"), "--write out.gif: expected a file name that ends in .mp4"),
         (("{pictures}", "--write", "no/such/out.mp4"), "there is no folder no/such"),
         (("{pictures}", "--write", "out.mp4", "--port", "8080"), "drop --port"),
-        (("{film}", "--write", "{film}"), "this is the film that is looked at"),
-        (("{pictures}", "--port", "70000"), "70000 is no port"),
+        (("{pictures}", "--write", "out.mp4", "--target", "click"), "drop --target click"),
+        (("{film}", "--write", "{film}"), "this is the input film"),
+        (("{pictures}", "--port", "70000"), "70000 is not a port"),
         (("{pictures}", "--port", "{taken}"), "in use"),
     ],
 )

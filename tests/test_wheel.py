@@ -32,6 +32,13 @@ def test_the_wheel_knows_its_platforms_profiles_and_policies(command, tmp_path):
 
 
 @pytest.mark.slow
+def test_the_wheel_has_foxgloves_layout(command, tmp_path):
+    done = run(command, tmp_path, "layout")
+    assert done.returncode == 0, done.stderr
+    assert "configById" in json.loads(done.stdout)
+
+
+@pytest.mark.slow
 def test_the_wheel_rehearses(command, tmp_path):
     profile = tmp_path / "here.yaml"
     shown = run(command, tmp_path, "profiles", "--json")

@@ -34,7 +34,9 @@ def main(argv: list[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(prog="online_rl.py", description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="the run's folder")
-    parser.add_argument("--condition", metavar="NAME", help="of the episodes: clean, field or hard (clean)")
+    parser.add_argument(
+        "--condition", metavar="NAME", help="of the episodes: clean, field, hard or wide (clean)"
+    )
     parser.add_argument("--steps", type=int, metavar="N", help="with each of the 16 bodies (default: 50000)")
     parser.add_argument("--seed", type=int, metavar="S", help="(default: 0)")
     return parser

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import contextlib
     from collections.abc import Callable
 
-    from adatracker_deploy.app.trial_run import TrialPlan
+    from adatracker_deploy.app.trial_plan import TrialPlan
     from adatracker_deploy.config.profile import Profile
     from adatracker_deploy.core.camera import Camera
     from adatracker_deploy.core.clock import Clock
@@ -59,8 +59,8 @@ def open_camera(  # noqa: PLR0917 -- each is another's, and all are needed
         frame = camera.read(clock.now_ns())
         if frame is None or frame.truth is None:
             raise UsageError(
-                f"camera {without_password(uri)}: gives pictures alone, and this segmenter is for the "
-                "cameras of rehearsals, which know what they show: try --segmenter embedded"
+                f"camera {without_password(uri)}: gives pictures only, but this segmenter needs the ground "
+                "truth that a rehearsal's camera sends: try --segmenter embedded"
             )
     return camera
 
@@ -69,8 +69,8 @@ def virtual_person(plan: TrialPlan) -> str:
     """Warn that a real robot will follow a simulated person."""
     uri = plan.camera or plan.profile.camera.uri
     return (
-        f"A REAL ROBOT WILL FOLLOW A VIRTUAL PERSON: its camera, {uri}, is drawn and sees nobody; "
-        "give the one that it carries with --camera"
+        f"A REAL ROBOT WILL FOLLOW A VIRTUAL PERSON: its camera, {uri}, is drawn and does not see the "
+        "real world; give the robot's own camera with --camera"
     )
 
 

@@ -11,19 +11,24 @@ import gc
 import math
 import tempfile
 import time
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from adatracker_deploy.app.trial_camera import open_camera, virtual_person
+from adatracker_deploy.app.trial_hand import TrialHand
+from adatracker_deploy.app.trial_page import CLICK_PATIENCE_S, Clicks, page_start
 from adatracker_deploy.core import pause
-from adatracker_deploy.core.camera import FilmOverError, scene_of, without_password
+from adatracker_deploy.core.camera import FilmOverError, scene_of
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.messages import ZERO, Seen
 from adatracker_deploy.core.record import RESULTS
 from adatracker_deploy.core.task import FIRST_SIGHT_S
+from adatracker_deploy.perception.live import LiveCamera
 from adatracker_deploy.perception.pipeline import Perception, refuse_hung
+from adatracker_deploy.perception.target.choice import BY_CLICK
+from adatracker_deploy.policy.by_hand import ByHand
 from adatracker_deploy.policy.remote import RemotePolicy
 from adatracker_deploy.runtime.black_box import FILE_NAME
 from adatracker_deploy.runtime.dry_run import DryRun
@@ -31,57 +36,24 @@ from adatracker_deploy.runtime.engagement import Engagement
 from adatracker_deploy.runtime.link_process import LinkProcess
 from adatracker_deploy.runtime.loop import Ending, Loop
 from adatracker_deploy.runtime.operator_stop import StopRequest
-from adatracker_deploy.runtime.scheduling import ORDINARY, Scheduling, obtained
+from adatracker_deploy.runtime.scheduling import obtained
 from adatracker_deploy.runtime.sleep_inhibitor import inhibited
 from adatracker_deploy.scoring.tally import Tally
 from adatracker_deploy.trial.live_port import app_url, websocket_url
 from adatracker_deploy.trial.log import TrialLog
 
 if TYPE_CHECKING:
+    from adatracker_deploy.app.trial_plan import TrialPlan
     from adatracker_deploy.config.profile import Profile
     from adatracker_deploy.core.camera import Camera
     from adatracker_deploy.core.geometry import Pose
     from adatracker_deploy.core.record import StepRecord
     from adatracker_deploy.faults.injection import Injection
-    from adatracker_deploy.faults.schedule import ScheduledFault
-    from adatracker_deploy.perception.segmenter import Segmenter
-    from adatracker_deploy.platform import Check, Platform, Scenario, Sitl
-    from adatracker_deploy.policy.base import Policy
-    from adatracker_deploy.trial.privacy import Frames
+    from adatracker_deploy.platform import Check, Sitl
+    from adatracker_deploy.runtime.start_line import StartLine
 
 LOOK_HZ = 200.0
 """Polling rate of a camera that sends by itself, in machine time: a frame waits 5 ms at most."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TrialPlan:
-    """Everything a trial needs, already checked."""
-
-    platform: type[Platform]
-    profile: Profile
-    policy: Policy
-    scenario: Scenario
-    camera: str
-    """The camera's URI; empty for the profile's, or the simulator's own in a rehearsal."""
-    segmenter: Segmenter
-    segmenter_name: str
-    sitl: bool
-    dry_run: bool
-    """Run everything but the actuators; no robot is connected."""
-    steps: int
-    live_port: int | None = None
-    """Local port of the live view; None for no live view."""
-    frames: Frames = "full"
-    """Which camera images the log keeps."""
-    speed: float
-    """Seconds of the run's clock per second of the machine's; 1 on real robots."""
-    log_dir: Path
-    scheduling: Scheduling = ORDINARY
-    """Scheduling of the loop's thread and of the link."""
-    faults: tuple[ScheduledFault, ...] = ()
-    """Faults to inject in a rehearsal, and when."""
-    simulator: Sitl | None = None
-    """A simulator that is already running; None to start one."""
 
 
 class Progress(Protocol):
@@ -143,6 +115,7 @@ class _Trial:
         plan = self.plan
         profile = plan.profile
         _check_parts(plan)
+        self.hand = TrialHand(plan.teleop, self.clock, isinstance(plan.policy, ByHand), self.stack)
         if plan.sitl:
             self.progress.phase(f"starting the simulated {plan.platform.name}")
             simulator = self.stack.enter_context(plan.simulator or plan.platform.sitl(profile))
@@ -168,13 +141,14 @@ class _Trial:
             kind="dry" if plan.dry_run else "sitl" if plan.sitl else "real",
             policy=plan.policy.info.name,
             steps=plan.steps,
-            config=self._config(profile),
+            config=plan.config(profile, self.live.lens if self.live is not None else None),
             now_ns=self.clock.now_ns(),
             live_port=plan.live_port,
             frames=plan.frames,
+            page=page_start(plan, profile.limits),
         )
-        if plan.live_port is not None:
-            self.progress.phase(f"live view: {websocket_url(plan.live_port)}, or {app_url(plan.live_port)}")
+        self.clicks = Clicks(self.log)
+        self._show_addresses()
         self.progress.logging(self.log.folder)
         self.link.record(self.log.folder / FILE_NAME)
         if self.log.trouble:
@@ -186,7 +160,7 @@ class _Trial:
         if moves:
             self._tell(f"sleep of this machine: {f'locked ({no_sleep})' if no_sleep else 'not locked'}")
         for name in profile.limits.switched_off:
-            self._warn(f"the gate goes without {name}: profile {profile.name} has it in limits: switched_off")
+            self._warn(f"the gate runs without {name}: profile {profile.name} has it in limits: switched_off")
         try:
             ending = self._engage_and_follow(camera, profile)
         except KeyboardInterrupt:
@@ -197,6 +171,13 @@ class _Trial:
             ending = Ending("system_fault", str(error))
         with self.stop.finishing():
             return self._finish(ending)
+
+    def _show_addresses(self) -> None:
+        plan = self.plan
+        if plan.page is not None:
+            self.progress.phase(f"page: {plan.page.url}")
+        if plan.live_port is not None:
+            self.progress.phase(f"live view: {websocket_url(plan.live_port)}, or {app_url(plan.live_port)}")
 
     def _injected(self, simulator: Sitl) -> TrialPlan:
         """Return the plan with its parts wrapped for fault injection."""
@@ -218,6 +199,7 @@ class _Trial:
         camera = open_camera(
             self.plan, profile, uri, self.clock, self._reported_pose, self.progress.phase, self.stack
         )
+        self.live = camera if isinstance(camera, LiveCamera) else None
         return camera if self.injection is None else self.injection.camera(camera)
 
     def _reported_pose(self) -> Pose | None:
@@ -234,6 +216,8 @@ class _Trial:
 
     def _engage_and_follow(self, camera: Camera, profile: Profile) -> Ending:
         plan = self.plan
+        if plan.start_line is not None:
+            self._await_start(plan.start_line)
         self.progress.phase("engaging")
         self._in_phase("engaging")
         self.engagement.begin()
@@ -241,11 +225,16 @@ class _Trial:
         perception = self.stack.enter_context(
             Perception(camera, plan.segmenter, self.clock, LOOK_HZ * self.clock.speed)
         )
-        self.progress.phase(f"looking for the person, for {FIRST_SIGHT_S:g} s at most")
+        by_click = plan.target == BY_CLICK and not plan.segmenter.needs_truth
+        patience_s = CLICK_PATIENCE_S if by_click else FIRST_SIGHT_S
+        wanted = "waiting for a click on the person" if by_click else "looking for the person"
+        self._tell(f"{wanted}, for {patience_s:g} s at most")
         self._in_phase("looking")
-        self._await_first_sight(perception)
+        self._await_first_sight(perception, patience_s)
+        self.perception = perception
         plan.policy.reset(plan.scenario.seed)
         camera.go()
+        self.hand.refuse_gone()
         self.progress.phase(f"following for {plan.steps} steps at {plan.policy.info.rate_hz:g} Hz")
         loop = Loop(
             observe=perception.newest,
@@ -254,6 +243,7 @@ class _Trial:
             limits=profile.limits,
             clock=self.clock,
             write=self._write,
+            operator=self.hand.operator,
         )
         gc.collect()
         gc.freeze()  # a full collection of a warm process takes longer than a tick may be late
@@ -268,22 +258,45 @@ class _Trial:
         finally:
             gc.unfreeze()
 
-    def _await_first_sight(self, perception: Perception) -> None:
+    def _await_start(self, start_line: StartLine) -> None:
+        """Wait, connected and not engaged, until all robots of the fleet are."""
+        self.progress.phase("ready")
+        start_line.reach()
+        for _ in self.engagement.statuses(math.inf):
+            if start_line.open():
+                return
+
+    def _await_first_sight(self, perception: Perception, patience_s: float) -> None:
         """Wait, standing still, until the target is seen."""
-        deadline_s = time.monotonic() + FIRST_SIGHT_S
+        deadline_s = time.monotonic() + patience_s
         for _ in self.engagement.statuses(math.inf):
             self.link.send(ZERO, self.clock.now_ns())
             try:
                 seen = perception.newest()
             except FilmOverError as error:  # not the end of a trial: none had begun
                 raise PlatformError(f"no person was seen before the end: {error}") from error
+            if seen is not None and self.plan.page is not None:
+                self.log.look(seen.frame, seen.observation, self.clock.now_ns())
+                self._take_clicks(perception, seen)
             if seen is not None and seen.observation.box is not None:
                 return
             if time.monotonic() > deadline_s:
-                raise PlatformError(f"no person was seen within {FIRST_SIGHT_S:g} s")
+                raise PlatformError(f"no person was seen within {patience_s:g} s")
+
+    def _take_clicks(self, perception: Perception, seen: Seen) -> None:
+        """Hand the operator's clicks to perception, and tell what became of the last."""
+        self.clicks.pass_on(perception)
+        news, warns = self.clicks.news(seen.observation)
+        if news:
+            (self._warn if warns else self._tell)(news)
 
     def _write(self, record: StepRecord, seen: Seen) -> None:
         self._in_phase("following")
+        news, warns = self.hand.news(record)
+        if news:
+            (self._warn if warns else self._tell)(news)
+        if self.plan.page is not None:
+            self._take_clicks(self.perception, seen)
         self.tally.add(record)
         self.log.step(record, seen.frame, seen.observation)
         self._log_events()
@@ -338,9 +351,11 @@ class _Trial:
             stop_s=stop_s,
             trial=self.log.folder,
         )
+        if trouble := self.hand.keep(self.log.folder):
+            self.progress.phase(f"warning: {trouble}")
         self.log.close(summary)
         if self.log.trouble:
-            self.progress.phase(f"warning: the log is not whole: {self.log.trouble}")
+            self.progress.phase(f"warning: the log is incomplete: {self.log.trouble}")
         self._in_phase("between")
         return summary
 
@@ -348,25 +363,6 @@ class _Trial:
         """Tell the fault injection that a phase begins."""
         if self.injection is not None:
             self.injection.enter(name, self.link)
-
-    def _config(self, profile: Profile) -> dict[str, Any]:
-        """Return the run's configuration for the log."""
-        plan = self.plan
-        shown = without_password(plan.camera or profile.camera.uri)
-        return {
-            "profile": asdict(replace(profile, camera=replace(profile.camera, uri=shown))),
-            "policy_sha256": dict(plan.policy.info.sha256),
-            "policy_server": plan.policy.info.server,
-            "gate_switched_off": list(profile.limits.switched_off),
-            **asdict(plan.scenario),
-            "camera": shown,
-            "segmenter": plan.segmenter_name,
-            "frames": plan.frames,
-            "faults": [str(strike) for strike in plan.faults],
-            "speed": plan.speed,
-            "realtime": plan.scheduling.realtime,
-            "cpus": sorted(plan.scheduling.cpus),
-        }
 
 
 def _check_parts(plan: TrialPlan) -> None:

@@ -38,14 +38,15 @@ UNCHOSEN = "unchosen"
 class Viewed(NamedTuple):
     """One processed frame."""
 
-    picture: Image
-    """The image with its overlay."""
+    frame: Frame
     observation: Observation
     action: Action | None
+    took_ms: float
+    """Time of perception and policy."""
 
 
 class _Counted(NamedTuple):
-    """What is counted for each frame."""
+    """The counts for each frame."""
 
     took_ms: float
     state: str
@@ -54,7 +55,7 @@ class _Counted(NamedTuple):
 
 
 class Viewer:
-    """Processes frames in order and keeps statistics; its images show only the frames' own times.
+    """Processes frames in order and keeps statistics.
 
     Args:
         segmenter: finds the target.
@@ -71,12 +72,8 @@ class Viewer:
         self._began_s, self._first_ns = 0.0, 0
         self._counted: list[_Counted] = []
 
-    def look(self, frame: Frame, clock: Clock | None = None) -> Viewed:
-        """Segment, ask the policy and draw.
-
-        Args:
-            frame: the next one.
-            clock: the run's, to show the age of a live frame; for a video its time is shown.
+    def look(self, frame: Frame) -> Viewed:
+        """Segment and ask the policy.
 
         Raises:
             PlatformError: the segmenter fails.
@@ -88,12 +85,26 @@ class Viewer:
         shown = replace(observation, image=frame.rgb)
         action = self._cadence.act(shown) if self._cadence is not None else None
         took_ms = (time.perf_counter() - began_s) * 1e3
-        since_ns = frame.t_ns - self._first_ns
-        when = f"age {(clock.now_ns() - frame.t_ns) / 1e6:.0f} ms" if clock else f"{since_ns / 1e9:.2f} s"
-        picture = overlay(frame.rgb, observation, when, self._drive(observation, action))
         in_sight = observation.box is not None  # all at once, so that an interrupt leaves it complete
         self._counted.append(_Counted(took_ms, _state_name(observation), in_sight, time.perf_counter()))
-        return Viewed(picture, observation, action)
+        return Viewed(frame, observation, action, took_ms)
+
+    def drawn(self, viewed: Viewed, clock: Clock | None = None) -> Image:
+        """Draw a processed frame, with the age of a live one by the run's clock, or its time in a video."""
+        frame, observation = viewed.frame, viewed.observation
+        since_ns = frame.t_ns - self._first_ns
+        when = f"age {(clock.now_ns() - frame.t_ns) / 1e6:.0f} ms" if clock else f"{since_ns / 1e9:.2f} s"
+        return overlay(frame.rgb, observation, when, self._drive(viewed))
+
+    def moves(self, viewed: Viewed) -> dict[str, float] | None:
+        """Return where the policy would go, in shares of a robot's limits, by axis (REP 103).
+
+        None where it was not asked.
+        """
+        if self._policy is None or viewed.action is None:
+            return None
+        signed = zip(self._policy.info.action, map(float, viewed.action.values), strict=True)
+        return {entry.axis: value * entry.sign for entry, value in signed if entry.unit == "limit"}
 
     def summary(self) -> dict[str, Any]:
         """Return statistics: `tracked` is the share of frames in which the target was seen, `frame_ms` the
@@ -113,15 +124,11 @@ class Viewer:
             },
         }
 
-    def _drive(self, observation: Observation, action: Action | None) -> Drive | None:
+    def _drive(self, viewed: Viewed) -> Drive | None:
         if self._policy is None:
             return None
-        moves: dict[str, float] | None = None
-        if action is not None:
-            signed = zip(self._policy.info.action, map(float, action.values), strict=True)
-            moves = {entry.axis: value * entry.sign for entry, value in signed if entry.unit == "limit"}
-        sees = self._policy.picture(observation) if isinstance(self._policy, OnnxPolicy) else None
-        return Drive(moves=moves, sees=sees)
+        sees = self._policy.picture(viewed.observation) if isinstance(self._policy, OnnxPolicy) else None
+        return Drive(moves=self.moves(viewed), sees=sees)
 
 
 def film_frames(camera: FilmCamera, clock: Clock, *, paced: bool) -> Iterator[Frame]:

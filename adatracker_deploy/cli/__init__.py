@@ -20,7 +20,7 @@ from adatracker_deploy import __version__
 from adatracker_deploy.core.errors import PlatformError, UsageError
 
 STARTED_S = time.monotonic()
-"""When this process began, as near as Python code can tell."""
+"""Start of this process, as near as Python code can tell."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -35,8 +35,12 @@ def main(argv: list[str] | None = None) -> int:
     named = bool(argv) and (not argv[0].startswith("-") or argv[0] in ("-h", "--help"))
     try:
         args = _parser(with_commands=named).parse_args(argv)
+        if getattr(args, "fleet", None) is not None:
+            from adatracker_deploy.cli import fleet
+
+            args = fleet.parse(argv)
         status: int = args.run(args)
-        sys.stdout.flush()  # what cannot be written is told here and not by the interpreter's end
+        sys.stdout.flush()  # a failed write is reported here, not by the interpreter's end
     except UsageError as error:
         print(f"adatracker-deploy: {error}", file=sys.stderr)
         return 2
@@ -47,7 +51,7 @@ def main(argv: list[str] | None = None) -> int:
         print("adatracker-deploy: interrupted", file=sys.stderr)
         return 130
     except BrokenPipeError:
-        _forget_stdout()  # whoever read it wants no more
+        _forget_stdout()  # the reader has closed the pipe
         return 1
     except OSError as error:
         return _told(error)
@@ -91,6 +95,7 @@ def _parser(*, with_commands: bool) -> argparse.ArgumentParser:
         ablate,
         collect,
         compare,
+        completion,
         doctor,
         evaluate,
         export,
@@ -98,8 +103,10 @@ def _parser(*, with_commands: bool) -> argparse.ArgumentParser:
         faults,
         film,
         filmstrip,
+        layout,
         lists,
         mark,
+        push,
         replay,
         report,
         run,
@@ -115,7 +122,7 @@ def _parser(*, with_commands: bool) -> argparse.ArgumentParser:
     parser = _Parser(
         prog="adatracker-deploy",
         description="Run a person-following policy on a robot, or rehearse it in software-in-the-loop.",
-        epilog="To run a robot give no command but --platform: adatracker-deploy --platform drone --sitl",
+        epilog="To run a robot, give --platform and no command: adatracker-deploy --platform drone --sitl",
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     run.add_arguments(parser)
@@ -139,11 +146,14 @@ def _parser(*, with_commands: bool) -> argparse.ArgumentParser:
         evaluate,
         export,
         export_onnx,
+        push,
         serve,
         collect,
         train,
         ablate,
         lists,
+        layout,
+        completion,
     )
     for module in order:
         module.add_parser(commands)

@@ -21,9 +21,9 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser = commands.add_parser(
         "ablate",
         help="train with parts left out and compare",
-        description="Train the whole method and arms that lack a part of it, each from several seeds with "
-        "equal updates, score all on equal episodes, and print the ablation table. What is finished is "
-        "kept: interrupted, the same command goes on.",
+        description="Train the whole method and variants without one of its parts, each from several "
+        "seeds with equal updates, score all on equal episodes, and print the ablation table. Finished "
+        "parts are kept: the same command resumes an interrupted run.",
     )
     parser.add_argument(
         "--data",
@@ -31,31 +31,49 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         type=Path,
         action="append",
         required=True,
-        help="of shards, or of such folders",
+        help="a folder of shards, or of such folders",
     )
-    parser.add_argument("--out", metavar="DIR", type=Path, required=True, help="a folder an arm and seed")
     parser.add_argument(
-        "--arm", metavar="NAME", action="append", help="besides the whole method (default: all)"
+        "--out", metavar="DIR", type=Path, required=True, help="gets one folder for each arm and seed"
     )
-    parser.add_argument("--seeds", metavar="N", type=int, default=3, help="(default: %(default)s)")
-    parser.add_argument("--recipe", metavar="NAME|FILE", default="deploy", help="(default: %(default)s)")
-    parser.add_argument("--updates", metavar="N", type=int, help="of each run")
-    parser.add_argument("--rounds", metavar="N", type=int, help="of DAgger")
-    parser.add_argument("--round-steps", metavar="N", type=int, help="visited for each round")
     parser.add_argument(
-        "--condition", metavar="NAME", action="append", help="to score under (default: field and hard)"
+        "--arm",
+        metavar="NAME",
+        action="append",
+        help="a variant to compare with the whole method (default: all)",
     )
-    parser.add_argument("--episodes", metavar="N", type=int, default=8, help="a cell (default: %(default)s)")
-    parser.add_argument("--steps", type=int, default=500, metavar="N", help="horizon (default: %(default)s)")
+    parser.add_argument(
+        "--seeds", metavar="N", type=int, default=3, help="seeds of each arm (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--recipe", metavar="NAME|FILE", default="deploy", help="the data's recipe (default: %(default)s)"
+    )
+    parser.add_argument("--updates", metavar="N", type=int, help="updates of each run")
+    parser.add_argument("--rounds", metavar="N", type=int, help="rounds of DAgger")
+    parser.add_argument("--round-steps", metavar="N", type=int, help="steps visited in each round")
+    parser.add_argument(
+        "--condition",
+        metavar="NAME",
+        action="append",
+        help="a condition to score under (default: field and hard)",
+    )
+    parser.add_argument(
+        "--episodes", metavar="N", type=int, default=8, help="episodes per cell (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--steps", type=int, default=500, metavar="N", help="steps per episode (default: %(default)s)"
+    )
     parser.add_argument(
         "--workers",
         metavar="N",
         type=int,
         default=len(os.sched_getaffinity(0)),
-        help="runs, then episodes, at once (default: %(default)s)",
+        help="processes (default: %(default)s)",
     )
-    parser.add_argument("--latex", type=Path, metavar="FILE", help="write the paper's table")
-    parser.add_argument("--json", action="store_true", help="one JSON object as the only line of stdout")
+    parser.add_argument("--latex", type=Path, metavar="FILE", help="write the paper's table here")
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON object as the only line of stdout"
+    )
     parser.set_defaults(run=run)
 
 

@@ -29,7 +29,7 @@ GO = "go"
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What the operator said after a trial."""
+    """The operator's answer after a trial."""
 
     mark: Mark | None
     go_on: bool
@@ -123,7 +123,7 @@ def _plain(answer: str | None) -> str:
 def at_terminal(console: Console) -> Read:
     """Return what asks the operator at standard input; what was typed before a question is forgotten.
 
-    Where that is no terminal its lines are taken as they come.
+    If that is not a terminal, its lines are taken as they come.
     """
 
     def read(question: str) -> str | None:
@@ -132,7 +132,7 @@ def at_terminal(console: Console) -> Read:
         console.print(question, end="", markup=False, highlight=False, soft_wrap=True)
         try:
             return input()
-        except EOFError:
+        except (EOFError, OSError):  # its terminal is gone
             console.print()
             return None
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import sys
 import time
 from pathlib import Path
 
+from adatracker_deploy.cli.counting import Count
+from adatracker_deploy.cli.extras import need
 from adatracker_deploy.core.errors import UsageError
 
 
@@ -17,27 +18,34 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser = commands.add_parser(
         "collect",
         help="collect training data",
-        description="Collect episodes of a perturbed expert by a recipe; go on where it was interrupted.",
+        description="Collect episodes of a perturbed expert by a recipe; the same command resumes "
+        "an interrupted run.",
     )
-    parser.add_argument("--recipe", metavar="NAME|FILE", default="deploy", help="(default: %(default)s)")
+    parser.add_argument(
+        "--recipe", metavar="NAME|FILE", default="deploy", help="the data's recipe (default: %(default)s)"
+    )
     parser.add_argument("--out", metavar="DIR", type=Path, required=True, help="the folder for its shards")
-    parser.add_argument("--steps", metavar="N", type=int, help="how many (default: the recipe's)")
+    parser.add_argument("--steps", metavar="N", type=int, help="number of steps (default: the recipe's)")
     parser.add_argument(
         "--workers",
         metavar="N",
         type=int,
         default=len(os.sched_getaffinity(0)),
-        help="(default: %(default)s)",
+        help="processes (default: %(default)s)",
     )
     parser.add_argument(
         "--ray",
         metavar="ADDRESS",
         nargs="?",
         const="auto",
-        help="work on a Ray cluster instead: HOST:PORT, local, or (without) the one of this machine",
+        help="use a Ray cluster instead: HOST:PORT or local (default: the one on this machine)",
     )
-    parser.add_argument("--seed", metavar="S", type=int, default=0, help="of the run (default: %(default)s)")
-    parser.add_argument("--json", action="store_true", help="one JSON object as the only line of stdout")
+    parser.add_argument(
+        "--seed", metavar="S", type=int, default=0, help="seed of the run (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON object as the only line of stdout"
+    )
     parser.set_defaults(run=run)
 
 
@@ -47,6 +55,7 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         UsageError: no such recipe, a number out of range, or a folder that holds something else.
     """
+    from adatracker_deploy.core.camera import is_unreal
     from adatracker_deploy.learning.data.collect import collect
     from adatracker_deploy.learning.data.recipe import load_recipe
 
@@ -55,35 +64,23 @@ def run(args: argparse.Namespace) -> int:
         if value is not None and value < least:
             raise UsageError(f"--{name}: {value} is out of range, at least {least}")
     recipe = load_recipe(args.recipe)
+    world = [] if all(map(is_unreal, recipe.scenes)) else ["world"]
+    need([*world, *(["ray"] if args.ray else ())], "collect")
     steps = args.steps or recipe.steps
     begin_s = time.monotonic()
-    collect(
-        recipe,
-        args.out,
-        steps=steps,
-        seed=args.seed,
-        workers=args.workers,
-        ray=args.ray,
-        progress=_Progress(),
-    )
+    with Count("steps") as count:
+        collect(
+            recipe,
+            args.out,
+            steps=steps,
+            seed=args.seed,
+            workers=args.workers,
+            ray=args.ray,
+            progress=count,
+        )
     if args.json:
         taken_s = round(time.monotonic() - begin_s, 1)
         print(json.dumps({"out": str(args.out), "recipe": recipe.name, "steps": steps, "taken_s": taken_s}))
     else:
         print(args.out)
     return 0
-
-
-class _Progress:
-    """A line on stderr: how far, how fast, how long still."""
-
-    def __init__(self) -> None:
-        self._begin_s = time.monotonic()
-        self._begin: int | None = None
-
-    def __call__(self, done: int, steps: int) -> None:
-        if self._begin is None:
-            self._begin = done
-        rate = (done - self._begin) / max(time.monotonic() - self._begin_s, 1e-6)
-        left = f", {(steps - done) / rate:.0f} s left" if rate else ""
-        print(f"{done} of {steps} steps, {rate:.0f}/s{left}", file=sys.stderr)

@@ -14,8 +14,8 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser = commands.add_parser(
         "compare",
         help="compare two sets of trials, with intervals and exact tests",
-        description="Say by how much B's trials differ from A's in MR, EL and SR, with 95 % intervals, exact "
-        "tests, and in words; where so few trials cannot tell, that is said.",
+        description="Compare B's trials with A's in MR, EL and SR, with 95 % intervals, exact tests and a "
+        "conclusion in words; it says so where the trials are too few for one.",
     )
     for name in ("A", "B"):
         parser.add_argument(
@@ -32,9 +32,11 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument(
         "--any-rate",
         action="store_true",
-        help="no more needed: trials of any rates are compared",
+        help="no longer needed: trials of any rates are compared",
     )
-    parser.add_argument("--json", action="store_true", help="one JSON object as the only line of stdout")
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON object as the only line of stdout"
+    )
     add_scoring_options(parser)
     parser.set_defaults(run=run)
 

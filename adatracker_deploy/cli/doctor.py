@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from adatracker_deploy.cli.ranges import real
-from adatracker_deploy.cli.seeing import add_segmenter_options
+from adatracker_deploy.cli.seeing import add_provider_option, add_segmenter_options, providers_of
 from adatracker_deploy.core.errors import PlatformError, UsageError
 
 if TYPE_CHECKING:
@@ -23,37 +23,43 @@ if TYPE_CHECKING:
     from adatracker_deploy.policy.base import Policy
 
 Found = tuple[str, "Check"]
-"""Which part was looked at, and what was found."""
+"""The part that was checked, and the result."""
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command."""
     parser = commands.add_parser(
         "doctor",
-        help="say whether this machine and robot are fit for a trial, and how to mend what is not",
-        description="Checks the machine and, with --platform, the robot over its wire. Nothing is engaged.",
+        help="check whether this machine and robot are fit for a trial, and how to fix what is not",
+        description="Check the machine and, with --platform, the robot over its wire. Nothing is engaged.",
     )
-    parser.add_argument("--platform", metavar="NAME", help="connect to this robot and ask it")
-    parser.add_argument("--profile", metavar="NAME|FILE", help="(default: the platform's own)")
-    parser.add_argument("--sitl", action="store_true", help="ask a simulated robot")
+    parser.add_argument("--platform", metavar="NAME", help="connect to this robot and check it")
+    parser.add_argument(
+        "--profile", metavar="NAME|FILE", help="the robot's profile (default: the platform's)"
+    )
+    parser.add_argument("--sitl", action="store_true", help="check a simulated robot")
     parser.add_argument(
         "--policy", metavar="NAME|DIR|URI", default="adatracker", help="(default: %(default)s)"
     )
-    parser.add_argument("--camera", metavar="URI", help="(default: the profile's, where a robot is asked)")
+    parser.add_argument("--camera", metavar="URI", help="(default: the profile's, with --platform)")
     add_segmenter_options(parser, default="embedded")
+    add_provider_option(parser)
     parser.add_argument("--log-dir", type=Path, default=Path("trials"), help="default: %(default)s")
     parser.add_argument(
         "--seconds",
         type=real(1, 3600),
         default=10.0,
-        help="how long the loop is timed, 1 to 3600 (default: 10)",
+        help="time for which the loop is timed, 1 to 3600 s (default: 10)",
     )
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
+    parser.add_argument(
+        "--fix", action="store_true", help="print the commands that fix the findings; runs none of them"
+    )
+    parser.add_argument("--json", action="store_true", help="print one JSON object on stdout")
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Look at everything, show it, and return 1 if something must be mended first."""
+    """Look at everything, show it, and return 1 if something must be fixed first."""
     from rich.console import Console
 
     examination = _Examination(args)
@@ -75,6 +81,8 @@ def run(args: argparse.Namespace) -> int:
     refused = [check for _, check in found if not check.ok and check.blocking]
     doubted = [check for _, check in found if not check.ok and not check.blocking]
     console.print(_verdict(len(refused), len(doubted)))
+    if args.fix:
+        console.print(_commands(found), markup=False, highlight=False, soft_wrap=True)
     if args.json:
         checks = [{"part": part, **dataclasses.asdict(check)} for part, check in found]
         print(json.dumps({"fit": not refused, "checks": checks}))
@@ -83,8 +91,16 @@ def run(args: argparse.Namespace) -> int:
 
 def _verdict(refused: int, doubted: int) -> str:
     if refused:
-        return f"not fit for a trial: {refused} to mend"
+        return f"not fit for a trial: {refused} to fix"
     return "fit for a trial" + (f"; {doubted} could be better" if doubted else "")
+
+
+def _commands(found: list[Found]) -> str:
+    """Return a shell script of the fixes that are known, each once and below its check's name."""
+    fixes = {check.fix: check.name for _, check in found if check.fix}
+    if not fixes:
+        return "# no command fixes more"
+    return "\n".join(f"# {name}\n{fix}" for fix, name in fixes.items())
 
 
 class _Examination:
@@ -100,22 +116,26 @@ class _Examination:
         from adatracker_deploy.trial.folder import place_for_logs
 
         if args.platform is None and (args.sitl or args.profile):
-            raise UsageError("--sitl and --profile are of a robot: say which with --platform")
+            raise UsageError("--sitl and --profile need a robot: name it with --platform")
         if args.camera:
             check_uri(args.camera)
         self._args = args
         self._place = place_for_logs(args.log_dir)
         self._clock: Clock = MonotonicClock()
-        self._policy: Policy = load_policy(args.policy)
+        self._policy: Policy = load_policy(args.policy, args.provider or "cpu")
         self._platform: type[Platform] | None = load_platform(args.platform) if args.platform else None
         self._profile: Profile | None = None
         if self._platform is not None:
             self._profile = load_profile(args.profile or self._platform.default_profile, self._platform)
         name = args.segmenter or EMBEDDED
-        self._segmenter = None
+        self._segmenter, self._segmenter_name = None, ""
         if name not in OF_REHEARSALS:
-            self._segmenter, _ = open_segmenter(
-                name, args.prompt, Choice.read(args.target), propagator=args.propagator
+            self._segmenter, self._segmenter_name = open_segmenter(
+                name,
+                args.prompt,
+                Choice.read(args.target),
+                propagator=args.propagator,
+                providers=providers_of(args),
             )
 
     def all(self) -> Iterator[Found]:
@@ -137,13 +157,17 @@ class _Examination:
     def _timing(self) -> Iterator[Check]:
         from adatracker_deploy.doctor import timing
 
-        rate_hz = self._policy.info.rate_hz
+        info = self._policy.info
         yield timing.disk_check(timing.measured_disk(self._place))
-        yield timing.policy_check(timing.measured_policy(self._policy, self._clock), rate_hz)
+        yield timing.policy_check(
+            timing.measured_policy(self._policy, self._clock), info.rate_hz, info.runs_on
+        )
         if self._segmenter is not None:
-            yield timing.perception_check(timing.measured_perception(self._segmenter, self._clock))
+            yield timing.perception_check(
+                timing.measured_perception(self._segmenter, self._clock), self._segmenter_name
+            )
         late = timing.measured_lateness(self._policy, self._clock, self._args.seconds)
-        yield timing.lateness_check(late, rate_hz)
+        yield timing.lateness_check(late, info.rate_hz)
 
     def _robot(
         self, stack: contextlib.ExitStack, platform: type[Platform], profile: Profile

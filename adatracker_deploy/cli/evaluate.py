@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from adatracker_deploy.core.errors import PlatformError, UsageError
-from adatracker_deploy.policy.catalogue import DEFAULT
+from adatracker_deploy.policy.catalogue import DEFAULT, pinned
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,25 +27,38 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "evaluate",
         help="score policies over the paper's grid of bodies",
         description="Score policies over 4 camera heights and 4 target speeds, on equal episodes, with 95 % "
-        "intervals and beside the paper's figures. Interrupted, it shows what is finished.",
+        "intervals and beside the paper's figures. When interrupted, it shows the finished part.",
     )
     parser.add_argument(
         "--policy",
         metavar="NAME|DIR|URI",
         action="append",
-        help=f"give several to compare them (default: {DEFAULT})",
+        help=f"the policy; repeat it to compare several (default: {DEFAULT})",
     )
-    parser.add_argument("--condition", default="clean", metavar="NAME", help="clean, field or hard (clean)")
-    parser.add_argument("--scene", default="simple_room", metavar="NAME", help="(default: %(default)s)")
+    parser.add_argument(
+        "--condition",
+        default="clean",
+        metavar="NAME",
+        help="clean, field, hard, wide or rough (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--scene", default="simple_room", metavar="NAME", help="the virtual world (default: %(default)s)"
+    )
     parser.add_argument(
         "--segmenter",
         default="truth",
         metavar="NAME|FILE",
-        help="embedded, or a model's file: play on what it sees in pictures (default: masks of the truth)",
+        help="embedded, or a model's file: segment rendered pictures (default: the true masks)",
     )
-    parser.add_argument("--episodes", type=int, default=20, metavar="N", help="a cell (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, metavar="S", help="of the run (default: %(default)s)")
-    parser.add_argument("--steps", type=int, default=500, metavar="N", help="horizon (default: %(default)s)")
+    parser.add_argument(
+        "--episodes", type=int, default=20, metavar="N", help="episodes per cell (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--seed", type=int, default=0, metavar="S", help="seed of the run (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--steps", type=int, default=500, metavar="N", help="steps per episode (default: %(default)s)"
+    )
     parser.add_argument(
         "--workers",
         type=int,
@@ -53,18 +66,21 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         metavar="N",
         help="processes (default: %(default)s)",
     )
-    parser.add_argument("--latex", type=Path, metavar="FILE", help="write the paper's table")
-    parser.add_argument("--picture", type=Path, metavar="PNG", help="draw heat maps")
+    parser.add_argument("--latex", type=Path, metavar="FILE", help="write the paper's table here")
+    parser.add_argument("--picture", type=Path, metavar="PNG", help="draw heat maps here")
     parser.add_argument(
         "--context",
         type=Path,
         metavar="PNG",
-        help="instead of the grid: draw z of 16 x N bodies of the deploy recipe, and what it tells of them",
+        help="instead of the grid: draw z of 16 x N bodies of the deploy recipe, and how well it explains "
+        "them",
     )
     parser.add_argument(
-        "--swap", action="store_true", help="with --context: what it costs to be handed another body's z"
+        "--swap", action="store_true", help="with --context: also measure the cost of another body's z"
     )
-    parser.add_argument("--json", action="store_true", help="one JSON object as the only line of stdout")
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON object as the only line of stdout"
+    )
     parser.set_defaults(run=run)
 
 
@@ -78,7 +94,7 @@ def run(args: argparse.Namespace) -> int:
     if args.workers < 1:
         raise UsageError(f"--workers: {args.workers} is out of range, at least 1")
     if args.swap and args.context is None:
-        raise UsageError("--swap belongs to --context PNG")
+        raise UsageError("--swap needs --context PNG")
     signal.signal(signal.SIGTERM, _interrupt)
     return _grid(args) if args.context is None else _context(args)
 
@@ -90,7 +106,7 @@ def _grid(args: argparse.Namespace) -> int:
     from adatracker_deploy.evaluation.play import play_all
 
     grid = Grid(
-        policies=tuple(args.policy or [DEFAULT]),
+        policies=tuple(map(pinned, args.policy or [DEFAULT])),
         condition=args.condition,
         scene=args.scene,
         episodes=args.episodes,
@@ -157,11 +173,11 @@ def _context(args: argparse.Namespace) -> int:
     from adatracker_deploy.evaluation.picture import check_drawing, write_figure
     from adatracker_deploy.evaluation.play import play_all
 
-    policies = tuple(args.policy or [DEFAULT])
+    policies = tuple(map(pinned, args.policy or [DEFAULT]))
     if len(policies) != 1:
         raise UsageError("--context studies one policy: name it with --policy")
     if args.latex is not None or args.picture is not None:
-        raise UsageError("--latex and --picture are of the grid, which --context replaces")
+        raise UsageError("--latex and --picture show the grid, which --context replaces: drop them")
     check_drawing(args.context)
     ((policy, name),) = policy_labels(policies).items()
     study = study_context(

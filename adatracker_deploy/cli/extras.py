@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import re
 from importlib import metadata
+from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 from adatracker_deploy.core.errors import UsageError
@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
 DISTRIBUTION = "adatracker-deploy"
+_ROS = "ros-"
+"""Begins the names of ROS 2's wheels; the module of ``ros-nav-msgs`` is ``nav_msgs``."""
 
 
 def need(extras: Iterable[str], what: str) -> None:
@@ -34,30 +36,38 @@ def need(extras: Iterable[str], what: str) -> None:
 
 
 def requirements(lines: Iterable[str], extras: Iterable[str]) -> dict[str, list[str]]:
-    """Return the distributions that each extra needs, by metadata's ``Requires-Dist`` lines (PEP 508)."""
-    found: dict[str, list[str]] = {}
-    nested: dict[str, list[str]] = {}
-    for line in lines:
-        extra = re.search(r"extra\s*==\s*['\"]([^'\"]+)['\"]", line)
-        name = re.match(r"[A-Za-z0-9._-]+", line)
-        if extra is None or name is None:
-            continue
-        if name[0] == DISTRIBUTION:
-            inner = re.search(r"\[([^\]]*)\]", line)
-            nested.setdefault(extra[1], []).extend(inner[1].replace(" ", "").split(",") if inner else ())
-        else:
-            found.setdefault(extra[1], []).append(name[0])
+    """Return the distributions that each extra needs on this machine.
+
+    Args:
+        lines: metadata's ``Requires-Dist`` (PEP 508).
+        extras: by name.
+    """
+    from packaging.requirements import Requirement  # which not every command needs
+
+    required = [Requirement(line) for line in lines]
 
     def whole(extra: str) -> list[str]:
-        return [*found.get(extra, ()), *(name for inner in nested.get(extra, ()) for name in whole(inner))]
+        names: list[str] = []
+        for one in required:
+            if one.marker is None or not one.marker.evaluate({"extra": extra}):
+                continue  # the base's, another extra's, or not for this machine
+            if one.name == DISTRIBUTION:
+                names += [name for inner in sorted(one.extras) for name in whole(inner)]
+            else:
+                names.append(one.name)
+        return names
 
     return {extra: whole(extra) for extra in extras}
 
 
 def installed(distribution: str) -> bool:
-    """Return whether a distribution is installed."""
+    """Return whether a distribution is installed; one of ROS 2's may be there without pip, by its module."""
     try:
         metadata.distribution(distribution)
     except metadata.PackageNotFoundError:
-        return False
+        return distribution.startswith(_ROS) and find_spec(_module(distribution)) is not None
     return True
+
+
+def _module(distribution: str) -> str:
+    return distribution.removeprefix(_ROS).replace("-", "_")

@@ -6,6 +6,7 @@ import dataclasses
 import itertools
 import json
 import signal
+import sys
 import tempfile
 import threading
 from concurrent.futures import ThreadPoolExecutor
@@ -15,6 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from adatracker_deploy.cli.extras import need
 from adatracker_deploy.cli.ranges import whole
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.faults.phases import ORDER, TrialPhase
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
 
     from adatracker_deploy.core.faults import Fault
     from adatracker_deploy.faults.judge import Result
+    from adatracker_deploy.faults.sample import Cell
     from adatracker_deploy.faults.stalls import StallMonitor
 
 TRIES = 3
@@ -42,14 +45,23 @@ class Job(NamedTuple):
     """Never beside another: it is one of timing."""
 
 
+class Robot(NamedTuple):
+    """A robot whose rehearsals can be measured."""
+
+    name: str
+    known: dict[str, Fault]
+    """Its faults, by name."""
+    flies: bool
+
+
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command."""
     parser = commands.add_parser(
         "faults",
-        help="rehearse every fault on every robot, and see that each is stopped in time",
-        description="Runs a short rehearsal for each fault and robot, with real processes on real wires, and "
-        "measures at the simulated robot when it was last told to move and when it stood. Exit status 1 if a "
-        "limit was missed. A row that goes wrong while the machine itself stands still is run again.",
+        help="rehearse every fault on every robot, and check that each robot stops in time",
+        description="Run a short rehearsal for each fault and robot, with real processes on real wires, and "
+        "measure at the simulated robot when the last motion command came and when it stood. Exit status 1 "
+        "if a limit was missed. A row that fails while the machine itself stalls is run again.",
     )
     parser.add_argument(
         "--platform", action="extend", nargs="+", metavar="NAME", help="these robots (default: all)"
@@ -70,20 +82,26 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         help=f"these phases of a trial: {', '.join(ORDER)} (default: all)",
     )
     parser.add_argument(
+        "--sample",
+        action="store_true",
+        help="of these, only what the everyday sample has: on every robot each fault and each phase at least "
+        "once, and each kind of fault in each phase on one of them (default: every fault in every phase)",
+    )
+    parser.add_argument(
         "--at-once",
         type=whole(1, MOST_AT_ONCE),
         default=1,
         metavar="N",
-        help="rehearsals side by side; a row that goes wrong so is run again alone, and that counts "
+        help="rehearsals side by side; a row that fails is run again alone, and that result counts "
         "(default: %(default)s)",
     )
-    parser.add_argument("--markdown", type=Path, metavar="FILE", help="write the table into this file too")
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
+    parser.add_argument("--markdown", type=Path, metavar="FILE", help="also write the table into this file")
+    parser.add_argument("--json", action="store_true", help="print one JSON object on stdout")
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Rehearse what was asked for, show it, and return 1 if a limit was missed."""
+    """Rehearse the requested faults, show the results, and return 1 if a limit was missed."""
     from rich.console import Console
 
     from adatracker_deploy.faults.stalls import StallMonitor
@@ -116,8 +134,8 @@ def run(args: argparse.Namespace) -> int:
     first = [result for result in results if result.first_failure]
     for result in first:
         console.print(f"first try of {result.platform} {result.name}: {result.first_failure}", markup=False)
-    console.print(f"rows that were not as they should be at their first try: {len(first)}")
-    console.print(f"{len(jobs) - len(bad)} of {len(jobs)} as they should be" if jobs else "nothing to show")
+    console.print(f"rows that failed at their first try: {len(first)}")
+    console.print(f"{len(jobs) - len(bad)} of {len(jobs)} rows passed" if jobs else "nothing to show")
     if args.json:
         print(json.dumps({"day": day, "faults": [dataclasses.asdict(result) for result in results]}))
     return 1 if bad else 0
@@ -130,7 +148,6 @@ def _jobs(args: argparse.Namespace) -> list[Job]:
         UsageError: no such robot, no such fault, or the Markdown file has no place for the table.
     """
     from adatracker_deploy.faults.matrix import REFUSALS, TIMING
-    from adatracker_deploy.faults.phase_rows import all_rows
     from adatracker_deploy.faults.refusals import refuse
     from adatracker_deploy.faults.rehearse import rehearse
     from adatracker_deploy.faults.table import check_section
@@ -140,14 +157,36 @@ def _jobs(args: argparse.Namespace) -> list[Job]:
     if args.markdown is not None:
         check_section(args.markdown)
     jobs: list[Job] = []
-    for platform, known, flies in _robots(args):
+    sample = _sample() if args.sample else None
+    for robot in _robots(args.platform):
         jobs += [
-            Job(partial(rehearse, row, platform, known[row.fault].says), row.measure in TIMING)
-            for row in all_rows(platform, flies=flies)
-            if row.fault in known and wanted(row.fault, row.name, row.phase)
+            Job(
+                partial(rehearse, cell.row, robot.name, robot.known[cell.row.fault].says),
+                cell.row.measure in TIMING,
+            )
+            for cell in _cells(robot)
+            if wanted(cell.row.fault, cell.row.name, cell.row.phase)
+            and (sample is None or (cell.platform, cell.row.name) in sample)
         ]
-        jobs += [Job(partial(refuse, refusal, platform)) for refusal in refusals]
+        jobs += [Job(partial(refuse, refusal, robot.name)) for refusal in refusals]
     return jobs
+
+
+def _sample() -> set[tuple[str, str]]:
+    """Return robot and name of each row of the sample of all robots, whichever of them were asked for."""
+    from adatracker_deploy.faults.sample import sampled
+
+    cells = [cell for robot in _robots(None) for cell in _cells(robot)]
+    return {(cell.platform, cell.row.name) for cell in sampled(cells)}
+
+
+def _cells(robot: Robot) -> list[Cell]:
+    """Return the rows of one robot."""
+    from adatracker_deploy.faults.phase_rows import all_rows
+    from adatracker_deploy.faults.sample import Cell
+
+    rows = all_rows(robot.name, flies=robot.flies)
+    return [Cell(robot.name, row, robot.flies) for row in rows if row.fault in robot.known]
 
 
 def _wanted(args: argparse.Namespace) -> Callable[[str, str, TrialPhase | None], bool]:
@@ -180,7 +219,7 @@ def _absent(args: argparse.Namespace) -> list[Result]:
     from adatracker_deploy.faults.phase_rows import PHASE_FAULTS, absent_in_phase, has_phase
 
     wanted, results = _wanted(args), []
-    for platform, known, flies in _robots(args):
+    for platform, known, flies in _robots(args.platform):
         cells = [(row.fault, TrialPhase.FOLLOWING) for row in ROWS]
         cells += [
             (fault, phase) for phase in ORDER for fault in PHASE_FAULTS if phase != TrialPhase.FOLLOWING
@@ -199,8 +238,8 @@ def _absent(args: argparse.Namespace) -> list[Result]:
     return results
 
 
-def _robots(args: argparse.Namespace) -> list[tuple[str, dict[str, Fault], bool]]:
-    """Return each robot that was asked for, or can be measured, what it can suffer, and whether it flies.
+def _robots(asked: Sequence[str] | None) -> list[Robot]:
+    """Return each robot that was asked for, or can be measured.
 
     Raises:
         UsageError: there is no such robot, or its simulator takes no commands, such as to record ground
@@ -211,15 +250,20 @@ def _robots(args: argparse.Namespace) -> list[tuple[str, dict[str, Fault], bool]
     from adatracker_deploy.registry import load_platform, load_profile, platform_names
 
     robots = []
-    for name in args.platform or platform_names():
+    for name in asked or platform_names():
+        try:
+            need([name], f"platform {name}")
+        except UsageError as error:
+            if asked:
+                raise
+            print(f"left out: {error}", file=sys.stderr)
+            continue
         platform = load_platform(name)
         simulator = platform.sitl(load_profile(platform.default_profile, platform))
         if type(simulator).order is not Sitl.order:
-            robots.append((name, known_faults(simulator.faults), "vz" in platform.axes))
-        elif args.platform:
-            raise UsageError(
-                f"platform {name}: its simulator takes no orders, so nothing can be measured at it"
-            )
+            robots.append(Robot(name, known_faults(simulator.faults), "vz" in platform.axes))
+        elif asked:
+            raise UsageError(f"platform {name}: its simulator takes no commands, so nothing can be measured")
     return robots
 
 

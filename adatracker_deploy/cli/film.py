@@ -16,11 +16,19 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "film",
         help="draw a trial as a film",
         description="Draw every tick of a trial as an MP4: the frame with mask, box and state of the target, "
-        "and what the robot was sent.",
+        "and the command sent to the robot.",
     )
     parser.add_argument("trial", metavar="TRIAL", type=Path, help="a trial's folder, or its trial.mcap")
-    parser.add_argument("--out", metavar="FILE.mp4", type=Path, default=Path("trial.mp4"), help="%(default)s")
-    parser.add_argument("--json", action="store_true", help="one JSON object as the only line of stdout")
+    parser.add_argument(
+        "--out",
+        metavar="FILE.mp4",
+        type=Path,
+        default=Path("trial.mp4"),
+        help="the film to write (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON object as the only line of stdout"
+    )
     parser.set_defaults(run=run)
 
 

@@ -18,11 +18,19 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         description="Draw evenly spaced frames of a trial with mask and box, above its curves over time.",
     )
     parser.add_argument("trial", metavar="TRIAL", type=Path, help="a trial's folder, or its trial.mcap")
-    parser.add_argument("--out", metavar="PNG", type=Path, default=Path("filmstrip.png"), help="%(default)s")
     parser.add_argument(
-        "--frames", metavar="N", type=whole(1, 50), default=8, help="how many (default: %(default)s)"
+        "--out",
+        metavar="PNG",
+        type=Path,
+        default=Path("filmstrip.png"),
+        help="the picture to write (default: %(default)s)",
     )
-    parser.add_argument("--json", action="store_true", help="one JSON object as the only line of stdout")
+    parser.add_argument(
+        "--frames", metavar="N", type=whole(1, 50), default=8, help="number of frames (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON object as the only line of stdout"
+    )
     parser.set_defaults(run=run)
 
 

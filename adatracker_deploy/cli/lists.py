@@ -21,8 +21,8 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "scenes": ("the virtual worlds", _scenes),
     }
     for name, (what, rows) in listings.items():
-        parser = commands.add_parser(name, help=f"list {what}")
-        parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
+        parser = commands.add_parser(name, help=f"list {what}", description=f"List {what}.")
+        parser.add_argument("--json", action="store_true", help="print one JSON object on stdout")
         parser.set_defaults(run=lambda args, name=name, rows=rows: _show(name, rows(), args.json))
 
 

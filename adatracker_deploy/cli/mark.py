@@ -15,25 +15,27 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     """Add ``mark``."""
     parser = commands.add_parser(
         "mark",
-        help="say how a trial really ended, or note something of it",
-        description="Say what the log cannot know: that the robot was taken over by hand, followed a wrong "
-        "person, touched something, or that all was well. It is written beside the log, which stays as it "
-        "is; score, compare, report and trials go by it.",
+        help="record how a trial really ended, or add a note",
+        description="Record what the log cannot know: that the robot was taken over by hand, followed a "
+        "wrong person, touched something, or that all was well. The mark is written beside the log, which "
+        "stays as it is; score, compare, report and trials use it.",
     )
     parser.add_argument("trial", metavar="TRIAL", type=Path, help="a trial's folder, or its trial.mcap")
     parser.add_argument(
         "--outcome",
         choices=VERDICTS,
-        help="how it ended; good: as it was recorded, whatever was marked before",
+        help="how it ended; good: as recorded, whatever was marked before",
     )
     parser.add_argument(
         "--since",
         type=float,
         metavar="S",
-        help="when that was, seconds from the first tick: the trial is scored up to there (default: its end)",
+        help="its time, seconds from the first tick: the trial is scored up to there (default: its end)",
     )
-    parser.add_argument("--note", default="", metavar="TEXT", help="in words")
-    parser.add_argument("--json", action="store_true", help="one JSON object as the only line of stdout")
+    parser.add_argument("--note", default="", metavar="TEXT", help="a note in words")
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON object as the only line of stdout"
+    )
     parser.set_defaults(run=run)
 
 
@@ -41,10 +43,11 @@ def run(args: argparse.Namespace) -> int:
     """Add the mark; return the exit status.
 
     Raises:
-        UsageError: it is no trial, or the mark says nothing, too much, or something of another time.
+        UsageError: it is not a trial, or the mark is empty, too long or outside the trial's time.
     """
     from adatracker_deploy.scoring.index import being_written
     from adatracker_deploy.scoring.summary import summarise_log
+    from adatracker_deploy.scoring.summary_table import takeover_text
     from adatracker_deploy.trial.marks import Mark, add_mark, marks_path, now_utc, typed
     from adatracker_deploy.trial.reader import read_scored
 
@@ -60,7 +63,12 @@ def run(args: argparse.Namespace) -> int:
     add_mark(trial.path, mark)
     found = summarise_log(read_scored(trial.path))
     if args.json:
-        print(json.dumps({"trial": found["trial"], "outcome": found["outcome"], "marks": found["marks"]}))
+        shown = ("trial", "outcome", "marks", "takeovers")
+        print(json.dumps({key: found[key] for key in shown}))
     else:
-        print(f"{marks_path(trial.path)}: {found['outcome']}, recorded as {found['recorded_outcome']}")
+        taken = found["takeovers"]
+        driven = f"; {takeover_text(taken)}" if taken["by_hand"] else ""
+        print(
+            f"{marks_path(trial.path)}: {found['outcome']}, recorded as {found['recorded_outcome']}{driven}"
+        )
     return 0

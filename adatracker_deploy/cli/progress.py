@@ -25,7 +25,7 @@ class Progress:
     Args:
         console: where.
         steps: of the trial, planned.
-        logging: is told the folder of the trial's log.
+        logging: called with the folder of the trial's log.
     """
 
     def __init__(self, console: Console, steps: int, logging: Callable[[Path], None]) -> None:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import dataclasses
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from adatracker_deploy.cli.seeing import add_provider_option
 from adatracker_deploy.core.errors import UsageError
 
 if TYPE_CHECKING:
@@ -20,22 +23,25 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     """Add ``replay``."""
     parser = commands.add_parser(
         "replay",
-        help="ask a trial's policy, or another, again what it was asked",
-        description="Show a policy what a trial's log says was seen, and compare action and z tick by tick. "
-        "The same bundle on the same machine answers the same to the bit. Exit status: 1 where the trial's "
-        "own policy answers otherwise, 0 else; of another bundle differences are expected. Nothing moves.",
+        help="re-run a trial's policy, or another, on the logged inputs",
+        description="Re-run a policy on a trial's logged observations, and compare action and z tick by "
+        "tick. The same bundle on the same machine gives bit-identical answers. Exit status 1 if the trial's "
+        "own policy answers differently, else 0; another bundle is expected to differ. Nothing moves.",
     )
     parser.add_argument("trial", metavar="TRIAL", type=Path, help="a trial's folder, or its trial.mcap")
     parser.add_argument(
-        "--policy", metavar="NAME|DIR|URI", help="ask this one (default: the one that the log names)"
+        "--policy", metavar="NAME|DIR|URI", help="re-run this policy (default: the one that the log names)"
     )
+    add_provider_option(parser, of="the policy")
     parser.add_argument(
         "--profile",
         metavar="NAME|FILE",
-        help="also judge the logged commands again, under this profile's limits",
+        help="also pass the logged commands through the gate with this profile's limits",
     )
-    parser.add_argument("--plot", metavar="PNG", type=Path, help="draw what was asked for, then and now")
-    parser.add_argument("--json", action="store_true", help="one JSON object as the only line of stdout")
+    parser.add_argument("--plot", metavar="PNG", type=Path, help="plot the logged and the new commands here")
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON object as the only line of stdout"
+    )
     parser.set_defaults(run=run)
 
 
@@ -43,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
     """Replay; return the exit status.
 
     Raises:
-        UsageError: it is no trial, there is nothing in it to replay, the policy or the profile is refused, or
+        UsageError: it is not a trial, it has nothing to replay, the policy or the profile is refused, or
             the picture cannot be written.
     """
     from rich.console import Console
@@ -56,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
 
     limits = None if args.profile is None else load_limits(args.profile)
     trial = read_trial(args.trial)
-    again = ask_again(trial, _policy(args.policy, trial))
+    again = ask_again(trial, _policy(args.policy, trial, args.provider or "cpu"))
     judged = None if limits is None else gate_again(trial, limits)
     after = None
     if trial.summary is None:  # the log ended before its trial
@@ -83,17 +89,30 @@ def run(args: argparse.Namespace) -> int:
     return 1 if own and again.first is not None else 0
 
 
-def _policy(named: str | None, trial: Trial) -> Policy:
+def _policy(named: str | None, trial: Trial, provider: str) -> Policy:
     from adatracker_deploy.policy.catalogue import load_policy
 
     if named is not None:
-        return load_policy(named)
+        return load_policy(named, provider)
     try:
-        if "/" in trial.policy:  # a name is no path
+        if "/" in trial.policy:  # a name is not a path
             raise UsageError(f"unknown policy {trial.policy!r}")
-        return load_policy(trial.policy)
+        return load_policy(trial.policy, provider)
     except UsageError as error:
-        raise UsageError(f"{error}; the log names it: say where its bundle is with --policy DIR") from error
+        where = _source(trial) or "DIR"
+        raise UsageError(
+            f"{error}; the log names it: say where its bundle is with --policy {where}"
+        ) from error
+
+
+def _source(trial: Trial) -> str:
+    """Return where on the Hub the log says its policy is from: to be shown, not fetched, for logs travel."""
+    from adatracker_deploy.hub.address import parse_address
+
+    said = trial.config.get("policy_source") if isinstance(trial.config, Mapping) else None
+    with contextlib.suppress(UsageError):
+        return str(parse_address(str(said or "")))
+    return ""
 
 
 def _draw(path: Path, again: PolicyAgain) -> None:

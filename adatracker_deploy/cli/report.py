@@ -6,7 +6,7 @@ import argparse
 import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from adatracker_deploy.core.errors import UsageError
 
@@ -20,8 +20,8 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     """Add ``report``."""
     parser = commands.add_parser(
         "report",
-        help="make a page to show of a trial, or of a set of trials",
-        description="Make one HTML page that stands alone: figures, pictures, curves, events and origin of a "
+        help="make an HTML page of a trial, or of a set of trials",
+        description="Make one self-contained HTML page: figures, pictures, curves, events and origin of a "
         "trial; points with intervals and survival curves of several.",
     )
     parser.add_argument(
@@ -31,11 +31,19 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         type=Path,
         help="a trial's folder or file, or a folder of trials",
     )
-    parser.add_argument("--out", metavar="HTML", type=Path, default=Path("report.html"), help="%(default)s")
     parser.add_argument(
-        "--all", action="store_true", help="count trials in means whose timing was not kept, too"
+        "--out",
+        metavar="HTML",
+        type=Path,
+        default=Path("report.html"),
+        help="the page to write (default: %(default)s)",
     )
-    parser.add_argument("--json", action="store_true", help="one JSON object as the only line of stdout")
+    parser.add_argument(
+        "--all", action="store_true", help="include trials whose timing was not kept in the means"
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON object as the only line of stdout"
+    )
     parser.set_defaults(run=run)
 
 
@@ -45,22 +53,31 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         UsageError: none of these is a trial, or the page cannot be written.
     """
+    done = write_report(args.trials, args.out, everything=args.all)
+    print(json.dumps(done) if args.json else args.out)
+    return 0
+
+
+def write_report(paths: Sequence[Path], out: Path, *, everything: bool = False) -> dict[str, Any]:
+    """Write the page of the trials in and below `paths`; return what ``--json`` prints.
+
+    Raises:
+        UsageError: none of these is a trial, or the page cannot be written.
+    """
     from adatracker_deploy.report.gather import moments
     from adatracker_deploy.report.set_page import set_page
     from adatracker_deploy.report.trial_page import trial_page
 
-    reports = _read(args.trials)
+    reports = _read(paths)
     for report in reports:
-        report.summary["counted"] |= args.all
+        report.summary["counted"] |= everything
     one = reports[0] if len(reports) == 1 else None
     data = (trial_page(one, moments(one.trial)) if one else set_page(reports)).encode()
     try:
-        args.out.write_bytes(data)
+        out.write_bytes(data)
     except OSError as error:
-        raise UsageError(f"--out {args.out}: cannot be written ({error.strerror})") from error
-    done = {"out": str(args.out), "trials": len(reports), "bytes": len(data)}
-    print(json.dumps(done) if args.json else args.out)
-    return 0
+        raise UsageError(f"--out {out}: cannot be written ({error.strerror})") from error
+    return {"out": str(out), "trials": len(reports), "bytes": len(data)}
 
 
 def _read(paths: Sequence[Path]) -> list[Report]:

@@ -6,34 +6,24 @@ import argparse
 import contextlib
 import dataclasses
 import json
-import os
 import time
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from adatracker_deploy.cli.driving import add_policy_options, driving_policy
-from adatracker_deploy.cli.extras import need
+from adatracker_deploy.cli.driving import add_policy_options
+from adatracker_deploy.cli.planning import plans_of
 from adatracker_deploy.cli.ranges import real, whole
-from adatracker_deploy.cli.seeing import add_segmenter_options
-from adatracker_deploy.core.errors import UsageError
-from adatracker_deploy.policy.catalogue import is_remote
-from adatracker_deploy.trial.live_port import DEFAULT_PORT, choose_port
+from adatracker_deploy.cli.seeing import add_provider_option, add_segmenter_options
+from adatracker_deploy.page.address import DEFAULT_PORT as PAGE_PORT
+from adatracker_deploy.trial.live_port import DEFAULT_PORT
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from adatracker_deploy.app.trial_run import TrialPlan
-    from adatracker_deploy.config.profile import Profile
-    from adatracker_deploy.faults.schedule import ScheduledFault
-    from adatracker_deploy.perception.segmenter import Segmenter
-    from adatracker_deploy.platform import Platform, Scenario, Sitl
+    from adatracker_deploy.app.trial_plan import TrialPlan
     from adatracker_deploy.runtime.operator_stop import StopRequest
     from adatracker_deploy.runtime.running import Announcement
-    from adatracker_deploy.runtime.scheduling import Scheduling
-
-_UNWATCHED_PX = 320
-"""Width of a rehearsal's pictures that no eyes look at: they are for the log alone."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -42,46 +32,78 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     what.add_argument(
         "--platform",
         metavar="NAME",
-        help="the robot: see 'adatracker-deploy platforms'; with --sitl also several, NAME,NAME,...",
+        help="the robot: see 'adatracker-deploy platforms'; with --sitl also several: NAME,NAME,...",
     )
-    what.add_argument("--sitl", action="store_true", help="simulate the simulator of the robot's wire")
     what.add_argument(
-        "--dry-run", action="store_true", help="run everything but the actuators: no robot is connected"
+        "--sitl",
+        action="store_true",
+        help="rehearse: a simulator stands in for the robot, behind the robot's real wire",
+    )
+    what.add_argument(
+        "--dry-run", action="store_true", help="run everything with no robot connected: nothing moves"
     )
     what.add_argument("--profile", metavar="NAME|FILE", help="the robot's profile (default: the platform's)")
+    what.add_argument("--name", default="", help="the robot's name: in its log, and for 'stop NAME'")
+    what.add_argument(
+        "--fleet",
+        type=Path,
+        metavar="FILE",
+        help="several robots at once, each with options of its own, from this file (docs/fleet.md)",
+    )
     add_policy_options(what)
     how = parser.add_argument_group("how")
-    how.add_argument("--steps", type=whole(1, 1_000_000), default=600, help="ticks (default: %(default)s)")
-    how.add_argument("--trials", type=whole(1, 1000), default=1, help="trials, seeds from --seed up")
-    how.add_argument("--seed", type=whole(0, 2**31 - 1), default=0, help="of the world and the simulation")
+    how.add_argument(
+        "--steps",
+        type=whole(1, 1_000_000),
+        default=600,
+        help="length of a trial in ticks (default: %(default)s)",
+    )
+    how.add_argument(
+        "--trials",
+        type=whole(1, 1000),
+        default=1,
+        help="number of trials, with seeds from --seed up (default: 1)",
+    )
+    how.add_argument(
+        "--seed",
+        type=whole(0, 2**31 - 1),
+        default=0,
+        help="seed of the world and the simulation (default: 0)",
+    )
     how.add_argument(
         "--speed-cap",
         type=real(0.01, 1),
         default=1.0,
         metavar="SHARE",
-        help="of the profile's speeds, turning too: 0.25 for the first steps of a real robot (default: 1)",
+        help="share of the profile's speeds, turning too: 0.25 for a real robot's first drive (default: 1)",
     )
     how.add_argument(
         "--ask",
         action=argparse.BooleanOptionalAction,
-        help="after each trial ask how it ended, and before the next whether to begin (default: with several "
+        help="ask after each trial how it ended, and before the next whether to begin (default: with several "
         "trials on a real robot, in a terminal)",
     )
     how.add_argument(
         "--stop-fd",
         type=whole(0, 65535),
         metavar="N",
-        help="stop when this file descriptor can be read or is closed: for buttons and other hooks",
+        help="stop when this file descriptor becomes readable or is closed: for buttons and other hooks",
+    )
+    how.add_argument(
+        "--on-hangup",
+        choices=("stop", "continue"),
+        default="stop",
+        help="if the terminal is lost, as when SSH drops: stop the robot in order (default), or continue",
     )
     how.add_argument(
         "--speed",
         type=real(1, 20),
-        help="times real time, 1 to 20; only with --sitl; above 2 eyes fall behind: add --segmenter truth",
+        help="times real time, 1 to 20, --sitl only; above 2 segmenters fall behind: add --segmenter truth",
     )
     how.add_argument(
         "--realtime",
         action="store_true",
-        help="real-time priority (SCHED_FIFO) for the loop and the link, which the system must allow",
+        help="real-time priority (SCHED_FIFO) for the loop and the link; the system must allow it",
     )
     how.add_argument("--cpu", metavar="LIST", help="cores for the loop and the link: 2, or 0,2-3")
     how.add_argument(
@@ -89,44 +111,67 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME@WHEN,...",
-        help="with --sitl: make this go wrong so many seconds after the first followed tick, or in a phase "
+        help="with --sitl: inject this fault so many seconds after the first followed tick, or in a phase "
         "of the trial: PHASE, PHASE+SECONDS (docs/safety.md)",
     )
     how.add_argument("--simulator", type=Path, help=argparse.SUPPRESS)  # the fault matrix's, still running
+    how.add_argument("--together", type=whole(0, 65535), help=argparse.SUPPRESS)  # a fleet's start line
     view = parser.add_argument_group("what it sees")
     view.add_argument(
         "--camera",
         metavar="URI",
-        help="world://SCENE: a virtual world, also for a real robot; robot://TOPIC: on its own wire; "
+        help="world://SCENE: a virtual world, also for a real robot; robot://TOPIC: the robot's own wire; "
         "or a device's number, a file, a folder of pictures, an http, rtsp or gst address",
     )
-    view.add_argument("--scene", metavar="NAME", help="of the virtual world (default: simple_room)")
+    view.add_argument("--scene", metavar="NAME", help="the virtual world (default: simple_room)")
     view.add_argument(
-        "--target-speed", type=real(0, 5), default=1.0, metavar="M_S", help="of the person (default: 1.0)"
+        "--target-speed",
+        type=real(0, 5),
+        default=1.0,
+        metavar="M_S",
+        help="speed of the virtual person, m/s (default: 1.0)",
     )
     view.add_argument(
-        "--others", type=whole(0, 20), default=0, metavar="N", help="people in it besides the target"
+        "--others",
+        type=whole(0, 20),
+        default=0,
+        metavar="N",
+        help="virtual people besides the target (default: 0)",
     )
     view.add_argument(
-        "--person",
-        type=Path,
-        metavar="GLB",
-        help="of the virtual world: who is followed, a walking glTF figure",
+        "--person", type=Path, metavar="GLB", help="figure of the virtual person to follow, as glTF"
+    )
+    view.add_argument(
+        "--effects",
+        metavar="LIST",
+        help="what makes the virtual world harder to see in, as in fog=40,road=C,sit: fog of this optical "
+        "range, m; a road of ISO 8608 that shakes a driving body; people who sit down at times",
     )
     add_segmenter_options(
         view,
-        default="embedded; a virtual world has truth, too, and noisy: truth with the embedded one's mistakes",
+        default="embedded; in a virtual world also truth, and noisy: truth with the embedded one's mistakes",
     )
-    out = parser.add_argument_group("what it leaves")
-    out.add_argument("--log-dir", type=Path, default=Path("trials"), help="default: %(default)s")
+    add_provider_option(view)
+    out = parser.add_argument_group("what it records")
+    out.add_argument(
+        "--log-dir", type=Path, default=Path("trials"), help="folder of the logs (default: %(default)s)"
+    )
     out.add_argument(
         "--live",
         type=whole(0, 65535),
         nargs="?",
         const=DEFAULT_PORT,
         metavar="PORT",
-        help="show the trial in Foxglove while it runs: a websocket of this machine alone, on PORT "
-        "(default: %(const)s; 0: any free one)",
+        help="show the trial in Foxglove: a websocket on this machine, at PORT (%(const)s; 0: any free one)",
+    )
+    out.add_argument(
+        "--page",
+        type=whole(0, 65535),
+        nargs="?",
+        const=PAGE_PORT,
+        metavar="PORT",
+        help="serve a page to watch, stop and choose the target by a click: on this machine, at PORT "
+        "(%(const)s; 0: any free one)",
     )
     kept = out.add_mutually_exclusive_group()
     kept.add_argument(
@@ -135,16 +180,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         dest="frames",
         const="blurred",
         default="full",
-        help="in the pictures of log and live view, blur everyone but the target whom perception sees",
+        help="in the pictures of log and live view, blur every detected person but the target",
     )
     kept.add_argument(
         "--no-frames",
         action="store_const",
         dest="frames",
         const="none",
-        help="leave pictures out of log and live view; masks and boxes stay",
+        help="keep pictures out of log and live view; masks and boxes stay",
     )
-    out.add_argument("--json", action="store_true", help="one JSON object as the last line of stdout")
+    out.add_argument("--json", action="store_true", help="print one JSON object as the last line of stdout")
     parser.set_defaults(run=run)
 
 
@@ -153,23 +198,31 @@ def run(args: argparse.Namespace) -> int:
     from rich.console import Console
 
     from adatracker_deploy.core.record import RESULTS
+    from adatracker_deploy.runtime.lost_terminal import tolerated
     from adatracker_deploy.runtime.operator_stop import StopRequest
     from adatracker_deploy.runtime.running import Announcement
+    from adatracker_deploy.runtime.start_line import StartLine
     from adatracker_deploy.scoring.summary import summarise_set, timing_words
     from adatracker_deploy.scoring.summary_table import stage_table, summary_table
     from adatracker_deploy.trial.salvage import salvage_all
 
-    plans = _plans(args)
+    plans = plans_of(args)
     console = Console(stderr=args.json)
     for line in salvage_all(args.log_dir):
         console.print(line, markup=False, soft_wrap=True)
-    with contextlib.closing(Announcement(args.platform)) as announcement:
-        stop = StopRequest(announcement.stopping)
+    with contextlib.closing(Announcement(args.platform, args.name)) as announcement, tolerated():
+        stop = StopRequest(announcement.stopping, outlives_terminal=args.on_hangup == "continue")
         with stop.listening():
+            if args.together is not None:
+                start_line = StartLine(args.together)
+                with stop.trial():
+                    start_line.wait()
+                plans[0] = dataclasses.replace(plans[0], start_line=start_line)
             summaries = _run_all(plans, args, console, announcement, stop)
-    if any(summary["rate_hz"] for summary in summaries):
-        console.print(stage_table(summaries))
-    console.print(summary_table(summaries))
+    if args.together is None:  # else the fleet's command shows them all
+        if any(summary["rate_hz"] for summary in summaries):
+            console.print(stage_table(summaries))
+        console.print(summary_table(summaries))
     for row in summaries:
         if not row["timing_kept"]:
             warning = (
@@ -196,6 +249,7 @@ def _run_all(
     from adatracker_deploy.cli import STARTED_S, asking
     from adatracker_deploy.cli.progress import Progress
     from adatracker_deploy.runtime.operator_stop import heard
+    from adatracker_deploy.runtime.teleop.open_hand import KEYBOARD
 
     asks = _asks(args, plans)
     summaries: list[dict[str, Any]] = []
@@ -203,8 +257,12 @@ def _run_all(
     for number, plan in enumerate(plans, start=1):
         if len(plans) > 1:
             console.rule(f"{plan.platform.name}, trial {number} of {len(plans)}")
-        with stop.trial(), heard(args.stop_fd) as enter:
-            if enter:
+        keys = args.teleop == KEYBOARD  # Enter is one of the keys then
+        with (
+            stop.trial(),
+            heard(args.stop_fd, outlives_terminal=stop.outlives_terminal, terminal=not keys) as enter,
+        ):
+            if enter or keys:
                 console.print("Enter or Ctrl-C stops")
             progress = Progress(console, plan.steps, announcement.logging)
             summary = run_trial(plan, progress, started_s, stop)
@@ -238,163 +296,3 @@ def _asks(args: argparse.Namespace, plans: list[TrialPlan]) -> bool:
     if args.ask is not None:
         return bool(args.ask)
     return len(plans) > 1 and not (args.sitl or args.dry_run) and in_terminal()
-
-
-def _plans(args: argparse.Namespace) -> list[TrialPlan]:
-    """Check everything that was asked for before anything moves; a plan for each trial, robot by robot."""
-    if args.platform is None:
-        raise UsageError("nothing to do: say which robot with --platform, or see --help")
-    names = args.platform.split(",")
-    if len(names) > 1 and (not args.sitl or args.profile):
-        raise UsageError(
-            "several platforms are rehearsed with their own profiles: add --sitl, drop --profile"
-        )
-    need(_extras(args, names), f"--platform {args.platform}{' --sitl' if args.sitl else ''}")
-    plans = [_plan(args, name) for name in names]
-    if args.live is not None:
-        live_port = choose_port(args.live)  # the same for all trials: a viewer finds the next one by itself
-        plans = [dataclasses.replace(plan, live_port=live_port) for plan in plans]
-    return [
-        dataclasses.replace(plan, scenario=dataclasses.replace(plan.scenario, seed=args.seed + trial))
-        for plan in plans
-        for trial in range(args.trials)
-    ]
-
-
-def _extras(args: argparse.Namespace, names: list[str]) -> list[str]:
-    """Return the extras that are sure to be needed, so that all that are missing are named at once."""
-    virtual = args.scene or (args.camera or "").startswith("world:")
-    world = ["sitl"] if args.sitl else ["world"] if virtual else []
-    remote = ["remote"] if is_remote(args.policy) else []
-    return [*names, *world, *remote, *(["live"] if args.live is not None else ())]
-
-
-def _plan(args: argparse.Namespace, name: str) -> TrialPlan:
-    from adatracker_deploy.app.trial_run import TrialPlan
-    from adatracker_deploy.core.camera import WORLD, scene_of
-    from adatracker_deploy.perception.segmenters import OF_REHEARSALS
-    from adatracker_deploy.perception.sources import check_uri
-    from adatracker_deploy.platform import Scenario
-    from adatracker_deploy.registry import load_platform, load_profile
-    from adatracker_deploy.trial.folder import place_for_logs
-
-    if args.dry_run and args.sitl:
-        raise UsageError("--dry-run moves nothing, --sitl moves a simulated robot: give one of them")
-    if args.speed is not None and not args.sitl:
-        raise UsageError("--speed is for rehearsals: a real robot cannot be sped up; add --sitl")
-    platform = load_platform(name)
-    profile = load_profile(args.profile or platform.default_profile, platform)
-    faults = _faults(args, platform, profile) if args.fault else ()
-    if args.speed_cap < 1:
-        profile = dataclasses.replace(profile, limits=profile.limits.capped(args.speed_cap))
-    uri = args.camera or profile.camera.uri
-    if args.camera or not args.sitl:  # a simulator brings its own
-        check_uri(uri)
-    scene = scene_of(uri)
-    if args.scene and args.camera and scene is not None:
-        raise UsageError(f"--scene NAME is short for --camera {WORLD}NAME: give one of them")
-    virtual = args.sitl or scene is not None
-    for option in ("scene", "others", "person"):
-        if getattr(args, option) and not virtual:
-            raise UsageError(
-                f"--{option} needs a virtual world: add --sitl, or --camera {WORLD}{args.scene or 'SCENE'}"
-            )
-    scenario = Scenario(
-        scene=args.scene or scene or Scenario().scene,
-        target_speed_m_s=args.target_speed,
-        seed=args.seed,
-        others=args.others,
-        person="" if args.person is None else str(args.person.resolve()),
-        width_px=_UNWATCHED_PX if args.segmenter in OF_REHEARSALS else Scenario().width_px,
-    )
-    if virtual:
-        _check_world(scenario)
-    place_for_logs(args.log_dir)
-    scheduling = _scheduling(args)
-    segmenter, segmenter_name = _segmenter(args, profile, uri, virtual=virtual)
-    return TrialPlan(
-        platform=platform,
-        profile=profile,
-        policy=driving_policy(args),
-        scenario=scenario,
-        camera="" if args.sitl and scene is not None else args.camera or "",
-        segmenter=segmenter,
-        segmenter_name=segmenter_name,
-        sitl=args.sitl,
-        dry_run=args.dry_run,
-        steps=args.steps,
-        frames=args.frames,
-        speed=args.speed or 1.0,
-        log_dir=args.log_dir,
-        scheduling=scheduling,
-        faults=faults,
-        simulator=_simulator(args, platform, profile),
-    )
-
-
-def _scheduling(args: argparse.Namespace) -> Scheduling:
-    from adatracker_deploy.runtime.scheduling import Scheduling, read_cpus
-
-    cpus = frozenset[int]() if args.cpu is None else read_cpus(args.cpu, os.sched_getaffinity(0))
-    scheduling = Scheduling(args.realtime, cpus)
-    scheduling.check()
-    return scheduling
-
-
-def _faults(
-    args: argparse.Namespace, platform: type[Platform], profile: Profile
-) -> tuple[ScheduledFault, ...]:
-    from adatracker_deploy.core.faults import known_faults
-    from adatracker_deploy.faults.schedule import parse_schedule
-
-    if not args.sitl:
-        raise UsageError("--fault is for rehearsals: nothing is made to fail on a real robot; add --sitl")
-    if args.speed is not None and args.speed != 1:
-        raise UsageError("--fault counts in the machine's seconds: drop --speed")
-    if args.camera:
-        raise UsageError("--fault is for the simulated robot with its own camera: drop --camera")
-    known = known_faults(platform.sitl(profile).faults)
-    return parse_schedule(args.fault, known, flies="vz" in platform.axes)
-
-
-def _simulator(args: argparse.Namespace, platform: type[Platform], profile: Profile) -> Sitl | None:
-    if args.simulator is None or not args.sitl:
-        return None
-    from adatracker_deploy.faults.running_simulator import RunningSimulator
-
-    return RunningSimulator(args.simulator, platform, profile)
-
-
-def _segmenter(
-    args: argparse.Namespace, profile: Profile, uri: str, *, virtual: bool
-) -> tuple[Segmenter, str]:
-    from adatracker_deploy.core.camera import ON_A_WIRE
-    from adatracker_deploy.perception.segmenters import EMBEDDED, OF_REHEARSALS, open_segmenter
-    from adatracker_deploy.perception.target.choice import Choice
-
-    name = args.segmenter or EMBEDDED
-    # A simulated robot that was started by hand sends the truth as well: the first frame will tell.
-    if name in OF_REHEARSALS and not virtual and not uri.startswith(ON_A_WIRE):
-        raise UsageError(f"--segmenter {name} needs a virtual world: add --sitl, or --camera world://SCENE")
-    return open_segmenter(
-        name,
-        args.prompt,
-        Choice.read(args.target),
-        propagator=args.propagator,
-        rate_hz=profile.camera.rate_hz,
-    )
-
-
-def _check_world(scenario: Scenario) -> None:
-    try:
-        from adatracker_deploy.sim import check_scene
-    except ImportError as error:
-        raise UsageError(
-            f"a virtual world needs {error.name}: pip install 'adatracker-deploy[world]'"
-        ) from error
-    from adatracker_deploy.sim.render import check_person, check_renderer
-
-    check_scene(scenario.scene)
-    check_renderer()
-    if scenario.person:
-        check_person(Path(scenario.person))

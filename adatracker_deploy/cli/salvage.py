@@ -14,12 +14,14 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     """Add ``salvage``."""
     parser = commands.add_parser(
         "salvage",
-        help="make unfinished logs whole",
-        description="Turn what a killed run or a power cut left (trial.mcap.part) into a proper trial.mcap. "
-        "A run does so by itself for those in its --log-dir.",
+        help="recover unfinished logs",
+        description="Turn an unfinished log (trial.mcap.part), left by a killed run or a power cut, into a "
+        "proper trial.mcap. A run does this by itself for those in its --log-dir.",
     )
     parser.add_argument("path", metavar="PATH", type=Path, help="a trial.mcap.part, or a folder of trials")
-    parser.add_argument("--json", action="store_true", help="one JSON object as the only line of stdout")
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON object as the only line of stdout"
+    )
     parser.set_defaults(run=run)
 
 

@@ -1,4 +1,4 @@
-"""What ``score`` and ``compare`` share: the options of scoring, and trials gathered from paths."""
+"""Shared by ``score`` and ``compare``: the options of scoring, and trials gathered from paths."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def add_scoring_options(parser: argparse.ArgumentParser) -> None:
-    """Add the rules of scoring and what box files do not say themselves."""
+    """Add the rules of scoring, and the facts that box files do not state."""
     rules = parser.add_argument_group("how to score (the defaults are this toolkit's; docs/scoring.md)")
     rules.add_argument(
         "--lost-steps",
@@ -32,46 +32,46 @@ def add_scoring_options(parser: argparse.ArgumentParser) -> None:
     rules.add_argument(
         "--count-reference",
         action="store_true",
-        help="MR as the paper's formula is printed, summed from the reference on: a perfect trial exceeds 1",
+        help="MR as printed in the paper, summed from the reference on: a perfect trial exceeds 1",
     )
     rules.add_argument(
         "--least-reward",
         metavar="R",
         type=_finite,
         default=-math.inf,
-        help="no step's reward in AR is less (default: no floor, as the paper; its simulator's code: -1)",
+        help="least reward of a step in AR (default: no floor, as the paper; its simulator's code: -1)",
     )
     rules.add_argument(
         "--drop-short",
         metavar="N",
         type=_at_least_one,
         help="leave out trials of N steps or fewer, as the published evaluation script does with 100; "
-        "how many is said (default: every trial counts)",
+        "their number is printed (default: every trial counts)",
     )
     rules.add_argument(
         "--all",
         action="store_true",
-        help="count trials in means whose timing was not kept, too (default: they are listed and left out)",
+        help="include trials whose timing was not kept in the means (default: they are listed and left out)",
     )
     boxes = parser.add_argument_group("plain files of boxes")
     boxes.add_argument(
         "--image-size",
         metavar="WxH",
         type=_image_size,
-        help="of the boxes' images, px (default: seqinfo.ini's, or the smallest usual size that holds them)",
+        help="size of the images, px (default: seqinfo.ini's, or the smallest usual size that holds them)",
     )
     boxes.add_argument(
         "--absent",
         metavar="FILE",
         type=Path,
-        help="0 or 1 for each box: 1 is lost (default: FILE.absent.txt, where it lies beside FILE.txt)",
+        help="0 or 1 for each box: 1 is lost (default: FILE.absent.txt beside FILE.txt, if present)",
     )
-    boxes.add_argument("--id", metavar="N", type=int, help="whose boxes, in a MOT file of several targets")
+    boxes.add_argument("--id", metavar="N", type=int, help="the target, in a MOT file of several")
     boxes.add_argument("--rate", metavar="HZ", type=_positive, help="boxes a second, for EL in seconds")
 
 
 def gather(paths: Sequence[Path], args: argparse.Namespace, *, boxes: bool = False) -> list[Summary]:
-    """Score everything that the paths name; what is bad costs a line on stderr, not the others.
+    """Score everything that the paths name; bad ones get a line on stderr, and the others are scored.
 
     Args:
         paths: trials, box files, folders of either.
@@ -129,7 +129,7 @@ def _remark(row: Summary, *, everything: bool) -> None:
         width, height = row["assumed_size"]
         _say(
             f"{row['trial']}: scored as of {width}x{height}, the smallest usual size that holds its boxes; "
-            "say better with --image-size"
+            "correct it with --image-size"
         )
     if row["bad_boxes"]:
         _say(f"{row['trial']}: {row['bad_boxes']} boxes with NaN or a negative size, counted as lost")

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from adatracker_deploy.core.onnx_session import PROVIDERS
+
 PROMPT = "person, obstacles"
 
 
@@ -25,12 +27,27 @@ def add_segmenter_options(group: argparse._ActionsContainer, default: str) -> No
         "--prompt",
         metavar="WORDS",
         default=PROMPT,
-        help="what the segmenter looks for (default: %(default)s)",
+        help="words that the segmenter looks for (default: %(default)s)",
     )
     group.add_argument(
         "--target",
         metavar="RULE",
         default="largest",
-        help="who is followed: largest, central, best, #N from the left, X,Y or LEFT,TOP,RIGHT,BOTTOM in "
-        "fractions of the picture (default: %(default)s)",
+        help="the person to follow: largest, central, best, #N from the left, X,Y or LEFT,TOP,RIGHT,BOTTOM "
+        "in fractions of the picture, or click: whom you click on in the page (default: %(default)s)",
     )
+
+
+def add_provider_option(group: argparse._ActionsContainer, of: str = "policy and segmenter") -> None:
+    """Add where networks run."""
+    group.add_argument(
+        "--provider",
+        choices=PROVIDERS,
+        help=f"where the networks of {of} run; an error where it is unavailable (default: cpu; for your own "
+        "segmenter, as in its .yaml)",
+    )
+
+
+def providers_of(args: argparse.Namespace) -> tuple[str, ...] | None:
+    """Return the choice for `open_segmenter`; None where nothing was asked for."""
+    return None if args.provider is None else (args.provider,)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from adatracker_deploy.cli.extras import need
 from adatracker_deploy.cli.ranges import whole
+from adatracker_deploy.cli.seeing import add_provider_option
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.policy.catalogue import DEFAULT, TOKEN
 
@@ -18,20 +19,26 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     """Add ``serve``."""
     parser = commands.add_parser(
         "serve",
-        help="run a policy for robots elsewhere",
+        help="serve a policy to robots elsewhere",
         description="Serve a policy by openpi's protocol; robots use it with --policy ws://HOST:PORT. "
-        f"With {TOKEN} in the environment only those who send the same token are served.",
+        f"With {TOKEN} in the environment, only clients that send the same token are served.",
     )
-    parser.add_argument("--policy", metavar="NAME|DIR", default=DEFAULT, help="(default: %(default)s)")
+    add_provider_option(parser, of="the policy")
     parser.add_argument(
-        "--host", default="127.0.0.1", metavar="ADDRESS", help="to listen on (default: this machine alone)"
+        "--policy", metavar="NAME|DIR", default=DEFAULT, help="the policy (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--host",
+        default="127.0.0.1",
+        metavar="ADDRESS",
+        help="address to listen on (default: this machine only)",
     )
     parser.add_argument(
         "--port",
         type=whole(0, 65535),
         default=8000,
         metavar="N",
-        help="(default: %(default)s; 0: any free one)",
+        help="port to listen on (default: %(default)s; 0: any free one)",
     )
     parser.add_argument("--certificate", type=Path, metavar="PEM", help="serve wss:// with this certificate")
     parser.add_argument("--key", type=Path, metavar="PEM", help="its private key")
@@ -44,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         UsageError: the policy or the certificate is refused, or the address cannot be listened on.
     """
-    from adatracker_deploy.policy.catalogue import is_remote, load_policy
+    from adatracker_deploy.policy.catalogue import is_remote, load_policy, pinned
 
     if (args.certificate is None) != (args.key is None):
         raise UsageError("--certificate and --key go together")
@@ -54,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
     from adatracker_deploy.policy.server import served
 
     server = served(
-        partial(load_policy, args.policy),
+        partial(load_policy, pinned(args.policy), args.provider or "cpu"),
         host=args.host,
         port=args.port,
         token=os.environ.get(TOKEN, ""),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import os
 import pwd
@@ -14,15 +13,9 @@ from adatracker_deploy.core.errors import UsageError
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from adatracker_deploy.runtime.running import Running
-
-ANSWER_S = 1.0
-"""Time within which a trial must acknowledge; otherwise it is killed, and its link stops the robot."""
-END_S = 120.0
-"""Time for a drone to land and a log to be closed."""
-POLL_S = 0.01
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -30,15 +23,16 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser = commands.add_parser(
         "stop",
         help="stop trials that run on this machine",
-        description="Stops trials as Ctrl-C does: all of this user's (for root, everybody's), or those that "
-        "are named. One that does not answer is killed; its link then stops the robot. One that is stopping "
-        "already is waited for. Exit status 1 if nothing ran, or a trial could not be stopped.",
+        description="Stop trials as Ctrl-C does: all of this user's (for root, everybody's), or those that "
+        "are named. A trial that does not answer is killed; its link then stops the robot. A trial that is "
+        "already stopping is waited for. Exit status 1 if nothing ran, or a trial could not be stopped.",
     )
     parser.add_argument(
         "which",
         nargs="*",
-        metavar="TRIAL|PLATFORM",
-        help="a trial's log folder or its name, a platform, or a process's number (default: every trial)",
+        metavar="TRIAL|NAME|PLATFORM",
+        help="a trial's log folder or its name, a robot's --name, a platform, 'fleet', or a process's number "
+        "(default: every trial)",
     )
     parser.set_defaults(run=lambda args: run(args.which))
 
@@ -50,6 +44,7 @@ def run(which: Sequence[str] = ()) -> int:
         UsageError: a name fits no trial that runs; nothing was stopped.
     """
     from adatracker_deploy.runtime.running import running
+    from adatracker_deploy.runtime.stopping import ANSWER_S, END_S, acknowledged, within
 
     found = running()
     for name in which:
@@ -68,12 +63,12 @@ def run(which: Sequence[str] = ()) -> int:
     for one in mine:
         _tell(one, signal.SIGTERM)
     for one in mine:
-        if not _within(began_s + ANSWER_S, functools.partial(_heard, one)):
+        if not within(began_s + ANSWER_S, functools.partial(acknowledged, one.pid)):
             _tell(one, signal.SIGKILL)
             print(f"{_name(one)} did not answer and was killed: its link stops the robot", flush=True)
         else:
             print(f"{_name(one)} stops", flush=True)
-    ended = _within(began_s + END_S, lambda: not any(one.alive() for one in mine))
+    ended = within(began_s + END_S, lambda: not any(one.alive() for one in mine))
     print(
         f"ended after {time.monotonic() - began_s:.1f} s" if ended else "still running: switch the robot off"
     )
@@ -86,7 +81,7 @@ def _list(found: Sequence[Running]) -> str:
 
 
 def _name(one: Running) -> str:
-    return f"{one.platforms} (process {one.pid})"
+    return f"{one.name or one.platforms} (process {one.pid})"
 
 
 def _user(number: int) -> str:
@@ -96,21 +91,8 @@ def _user(number: int) -> str:
         return f"user {number}"
 
 
-def _heard(one: Running) -> bool:
-    from adatracker_deploy.runtime.running import running
-
-    return next((now.stopping for now in running() if now.pid == one.pid), True)
-
-
 def _tell(one: Running, number: signal.Signals) -> None:
+    from adatracker_deploy.runtime.stopping import tell
+
     if one.alive():
-        with contextlib.suppress(ProcessLookupError):
-            os.kill(one.pid, number)
-
-
-def _within(end_s: float, condition: Callable[[], bool]) -> bool:
-    while not condition():
-        if time.monotonic() > end_s:
-            return False
-        time.sleep(POLL_S)
-    return True
+        tell(one.pid, number)

@@ -21,14 +21,21 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "trials",
         help="list trials: when, which robot and policy, how they ended",
         description="List the trials in and below a folder, the oldest first, with the operator's "
-        "marks. One that cannot be read is a line that says why.",
+        "marks. A trial that cannot be read gets a line with the reason.",
     )
     parser.add_argument(
-        "folder", metavar="FOLDER", nargs="?", type=Path, default=Path("trials"), help="default: %(default)s"
+        "folder",
+        metavar="FOLDER",
+        nargs="?",
+        type=Path,
+        default=Path("trials"),
+        help="(default: %(default)s)",
     )
     out = parser.add_mutually_exclusive_group()
-    out.add_argument("--json", action="store_true", help="one JSON object as the only line of stdout")
-    out.add_argument("--csv", action="store_true", help="a line a trial on stdout, for spreadsheets")
+    out.add_argument("--json", action="store_true", help="print one JSON object as the only line of stdout")
+    out.add_argument(
+        "--csv", action="store_true", help="print one line for each trial on stdout, for spreadsheets"
+    )
     parser.set_defaults(run=run)
 
 

@@ -9,15 +9,16 @@ import signal
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from adatracker_deploy.cli.seeing import add_segmenter_options
+from adatracker_deploy.cli.seeing import add_provider_option, add_segmenter_options, providers_of
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.policy.catalogue import DEFAULT
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from adatracker_deploy.app.view_page import ViewPage
     from adatracker_deploy.perception.film_writer import FilmWriter
-    from adatracker_deploy.perception.mjpeg_server import MjpegServer
+    from adatracker_deploy.perception.segmenter import Segmenter
     from adatracker_deploy.policy.base import Policy
 
 NO_POLICY = "none"
@@ -30,17 +31,26 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser = commands.add_parser(
         "view",
         help="show what perception sees, without any robot",
-        description="Show masks, the target and its state, and what the policy makes of them, over the "
-        "picture: in a browser, or as an MP4 (--write). Of a file or folder every frame is looked at.",
+        description="Show masks, the target and its state, and the policy's command, over the "
+        "picture: on a page in a browser, where a click chooses the target, or as an MP4 (--write). Every "
+        "frame of a file or folder is used.",
     )
     parser.add_argument("camera", metavar="FILE|CAMERA", help="a video file, or anything --camera takes")
     add_segmenter_options(parser, default="embedded")
+    add_provider_option(parser)
     parser.add_argument(
-        "--policy", metavar="NAME|DIR|URI", default=DEFAULT, help="or 'none' (default: %(default)s)"
+        "--policy",
+        metavar="NAME|DIR|URI",
+        default=DEFAULT,
+        help="the policy, or 'none' (default: %(default)s)",
     )
-    parser.add_argument("--write", metavar="FILE.mp4", type=Path, help="leave what is shown as a film")
-    parser.add_argument("--port", metavar="N", type=_port, help="of the page to watch (default: any free)")
-    parser.add_argument("--json", action="store_true", help="one JSON object as the last line of stdout")
+    parser.add_argument("--write", metavar="FILE.mp4", type=Path, help="write the view as a film")
+    parser.add_argument(
+        "--port", metavar="N", type=_port, help="port of the page to watch (default: any free one)"
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON object as the last line of stdout"
+    )
     parser.set_defaults(run=run)
 
 
@@ -56,7 +66,6 @@ def run(args: argparse.Namespace) -> int:
     from adatracker_deploy.app.view_run import Viewer, film_frames, live_frames
     from adatracker_deploy.core.camera import without_password
     from adatracker_deploy.core.clock import MonotonicClock
-    from adatracker_deploy.core.messages import Frame
     from adatracker_deploy.perception.film import FilmCamera
     from adatracker_deploy.perception.segmenters import EMBEDDED, open_segmenter
     from adatracker_deploy.perception.sources import open_source
@@ -68,18 +77,23 @@ def run(args: argparse.Namespace) -> int:
     camera = open_source(args.camera, clock, every_frame=True)
     film = camera if isinstance(camera, FilmCamera) else None
     _check_write(args, from_film=film is not None)
-    policy = _policy(args.policy)
+    policy = _policy(args.policy, args.provider or "cpu")
     segmenter, segmenter_name = open_segmenter(
-        args.segmenter or EMBEDDED, args.prompt, choice, propagator=args.propagator
+        args.segmenter or EMBEDDED,
+        args.prompt,
+        choice,
+        propagator=args.propagator,
+        providers=providers_of(args),
     )
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     with contextlib.ExitStack() as stack:
-        shown = _server(args, stack) if film is None or args.write is None else None
+        name = without_password(args.camera)
+        shown = _page(args, name, segmenter, stack) if film is None or args.write is None else None
         stack.callback(camera.close)
         camera.open()
         viewer = Viewer(segmenter, policy)
         about = {
-            "camera": without_password(args.camera),
+            "camera": name,
             "segmenter": segmenter_name,
             "policy": policy.info.name if policy else None,
             "written": str(args.write) if args.write else None,
@@ -93,15 +107,15 @@ def run(args: argparse.Namespace) -> int:
         writer = _writer(args, film.rate_hz if film else LIVE_WRITE_HZ, stack)
         console.print(f"segmenter: {segmenter_name}", markup=False)
         if shown is not None:
-            console.print(f"watch it at {shown.url} (Ctrl-C ends)")
+            console.print(f"watch it at {shown.url} (Ctrl-C ends)", markup=False)
         frames = film_frames(film, clock, paced=shown is not None) if film else live_frames(camera, clock)
         with console.status("") as status:
             for frame in frames:
-                viewed = viewer.look(frame, None if film else clock)
+                viewed = viewer.look(shown.with_click(frame) if shown else frame)
                 if writer is not None:
-                    writer.write(viewed.picture, frame.t_ns)
-                if shown is not None:  # then: whoever saw a picture finds it in the film
-                    shown.publish(Frame(viewed.picture, frame.t_ns, frame.seq))
+                    writer.write(viewer.drawn(viewed, None if film else clock), frame.t_ns)
+                if shown is not None:  # then: every picture shown is in the film
+                    shown.show(viewed, viewer.moves(viewed), None if film else clock)
                 state = viewed.observation.target
                 status.update(f"frame {frame.seq}, {state.value if state else 'no target yet'}")
     return 0
@@ -109,9 +123,12 @@ def run(args: argparse.Namespace) -> int:
 
 def _check_write(args: argparse.Namespace, *, from_film: bool) -> None:
     from adatracker_deploy.perception.film_writer import check_film_path
+    from adatracker_deploy.perception.target.choice import BY_CLICK
 
     if args.write is None:
         return
+    if from_film and args.target == BY_CLICK:
+        raise UsageError("--write goes through a file and shows nothing to click on: drop --target click")
     if from_film and args.port is not None:
         raise UsageError("--write goes through a file as fast as it can and shows nothing: drop --port")
     try:
@@ -119,21 +136,25 @@ def _check_write(args: argparse.Namespace, *, from_film: bool) -> None:
     except UsageError as error:
         raise UsageError(f"--write {error}") from error
     if args.write.exists() and Path(args.camera).exists() and args.write.samefile(args.camera):
-        raise UsageError(f"--write {args.write}: this is the film that is looked at; name another file")
+        raise UsageError(f"--write {args.write}: this is the input film; name another file")
 
 
-def _policy(name: str) -> Policy | None:
+def _policy(name: str, provider: str) -> Policy | None:
     from adatracker_deploy.policy.catalogue import load_policy
 
-    return None if name == NO_POLICY else load_policy(name)
+    return None if name == NO_POLICY else load_policy(name, provider)
 
 
-def _server(args: argparse.Namespace, stack: contextlib.ExitStack) -> MjpegServer:
-    from adatracker_deploy.perception.mjpeg_server import MjpegServer
+def _page(
+    args: argparse.Namespace, camera: str, segmenter: Segmenter, stack: contextlib.ExitStack
+) -> ViewPage:
+    from adatracker_deploy.app.view_page import ViewPage
+    from adatracker_deploy.page.address import Address, free_port
 
-    server = MjpegServer(args.port or 0)
-    stack.callback(server.close)
-    return server
+    address = Address(free_port(args.port or 0, "the page", "--port"))
+    page = ViewPage(address, camera, args.policy, args.target, segmenter)
+    stack.callback(page.close)
+    return page
 
 
 def _writer(args: argparse.Namespace, rate_hz: float, stack: contextlib.ExitStack) -> FilmWriter | None:
@@ -166,7 +187,7 @@ def _show(console: Console, args: argparse.Namespace, summary: dict[str, Any]) -
 def _port(text: str) -> int:
     port = int(text)
     if not 1 <= port <= 65535:
-        raise argparse.ArgumentTypeError(f"{port} is no port (1 to 65535)")
+        raise argparse.ArgumentTypeError(f"{port} is not a port (1 to 65535)")
     return port
 
 

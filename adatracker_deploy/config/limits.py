@@ -16,7 +16,7 @@ from adatracker_deploy.core.errors import UsageError
 Dispensable = Literal[
     "altitude", "battery", "geofence", "jerk", "position_jumped", "ramp", "state_lost", "too_close"
 ]
-"""What a profile may switch off, by the gate's reason. The rest (`not_finite`, `envelope`, `acceleration`,
+"""The gate's reasons that a profile may switch off. The rest (`not_finite`, `envelope`, `acceleration`,
 the age of commands, a robot that stopped by itself) cannot be switched off."""
 
 _Height = Annotated[float, Range(-100, 500)]
@@ -25,7 +25,7 @@ _Offset = Annotated[float, Range(-10_000, 10_000)]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """What the gate lets through, and its time-outs; every value is a magnitude."""
+    """The gate's limits and time-outs; every value is a magnitude."""
 
     forward_m_s: Annotated[float, Range(0, 30)]
     backward_m_s: Annotated[float, Range(0, 30)]
@@ -75,7 +75,7 @@ class Limits:
         if self.battery_warn < self.battery_stop:
             raise UsageError(
                 f"limits: battery_warn {self.battery_warn:g} is below battery_stop {self.battery_stop:g}: "
-                "nobody would be warned"
+                "the robot would stop before the warning"
             )
         if self.altitude_m is not None and not self.altitude_m[0] < self.altitude_m[1]:
             low, high = self.altitude_m

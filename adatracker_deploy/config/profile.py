@@ -20,6 +20,8 @@ class CameraSettings:
     uri: str
     """``world://SCENE`` renders a virtual world from the robot's reported pose."""
     rate_hz: Annotated[float, Range(1, 240)] = 30.0
+    fov_deg: Annotated[float, Range(1, 170)] | None = None
+    """Horizontal field of view, where it is known. It is logged for whoever looks at the trial elsewhere."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

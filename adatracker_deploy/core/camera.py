@@ -1,7 +1,8 @@
 """The camera interface and camera URIs.
 
-``world://SCENE`` is rendered in this process from the robot's reported pose, ``robot://TOPIC`` arrives over
-the robot's own connection; `perception.sources` lists the rest.
+``world://SCENE`` is rendered from the robot's reported pose, by this package or, where the scene is
+``unrealcv/HOST:PORT/LEVEL``, by Unreal's engine; ``robot://TOPIC`` arrives over the robot's own connection;
+`perception.sources` lists the rest.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
     from adatracker_deploy.core.messages import Frame
 
 WORLD = "world://"
+UNREAL = "unrealcv/"
+"""Begins the scenes of UnrealCV servers."""
 ROBOT = "robot://"
 ON_A_WIRE = (ROBOT, "http://", "https://")
 """Camera schemes that carry ground truth with each frame in a rehearsal."""
@@ -58,6 +61,11 @@ class Camera(Protocol):
 def scene_of(uri: str) -> str | None:
     """Return the scene's name in ``world://SCENE``, or None for any other URI."""
     return uri.removeprefix(WORLD) if uri.startswith(WORLD) else None
+
+
+def is_unreal(scene: str) -> bool:
+    """Return whether a scene is an UnrealCV server's."""
+    return scene.startswith(UNREAL)
 
 
 def without_password(uri: str) -> str:

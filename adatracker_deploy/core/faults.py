@@ -11,7 +11,7 @@ class Fault:
 
     name: str
     says: str
-    """What happens, in words for people."""
+    """A description for people."""
     lasts_s: float = 0.0
     """Machine time, s, after which it ends by itself; 0 for a single event or a permanent fault."""
 
@@ -20,10 +20,10 @@ BLIND_FOR_S = 3.0
 """Longer than the loop waits for a frame; shorter gaps are bridged."""
 CAMERA_FREEZE = Fault("camera_freeze", "the camera repeats one picture, time stamp and all", BLIND_FOR_S)
 CAMERA_GONE = Fault("camera_gone", "the camera's server is gone, and comes back", BLIND_FOR_S)
-LINK_DROP = Fault("link_drop", "the wire is cut, and mended", 2.0)
-ROBOT_SILENT = Fault("robot_silent", "the robot hears but tells nothing", 2.0)
+LINK_DROP = Fault("link_drop", "the wire is cut, and reconnected", 2.0)
+ROBOT_SILENT = Fault("robot_silent", "the robot receives commands but reports nothing", 2.0)
 TAKEOVER = Fault("takeover", "a pilot or a remote control takes the robot over")
-BATTERY_LOW = Fault("battery_low", "5 % of the charge are left")
+BATTERY_LOW = Fault("battery_low", "5 % of the charge is left")
 """Faults that a simulator may support; each `Sitl` lists its own."""
 
 OURS = (
@@ -45,7 +45,7 @@ OURS = (
     Fault("suspend", "the machine sleeps: all its programs and its monotonic clock stand still", 2.0),
     Fault("cpu_hogs", "four processes take all the processor that they can get", 3.0),
     Fault("gc_pause", "the tracker's interpreter stands still for 0.1 s, as in a full collection"),
-    Fault("disk_full", "the log's file cannot grow any more"),
+    Fault("disk_full", "the log's file cannot grow"),
 )
 """Faults of the toolkit's own processes, for any robot."""
 

@@ -8,11 +8,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 Matrix = NDArray[np.float64]
+
+UNIT_TOLERANCE = 10e-3
+"""Tolerance of a quaternion's squared length: tf2's (QUATERNION_NORMALIZATION_TOLERANCE)."""
 
 
 def wrap_angle(angle_rad: float) -> float:
@@ -69,3 +73,40 @@ class Pose:
     def distance_to(self, x: float, y: float) -> float:
         """Return the horizontal distance to a point in metres."""
         return math.hypot(x - self.x, y - self.y)
+
+
+class Quaternion(NamedTuple):
+    """An orientation as messages carry it; of unit length."""
+
+    w: float
+    x: float
+    y: float
+    z: float
+
+    @classmethod
+    def of(cls, roll: float, pitch: float, yaw: float) -> Quaternion:
+        """Return the quaternion of Rz(yaw) Ry(pitch) Rx(roll), which is what `Pose` means."""
+        cr, sr = math.cos(roll / 2), math.sin(roll / 2)
+        cp, sp = math.cos(pitch / 2), math.sin(pitch / 2)
+        cy, sy = math.cos(yaw / 2), math.sin(yaw / 2)
+        return cls(
+            w=cr * cp * cy + sr * sp * sy,
+            x=sr * cp * cy - cr * sp * sy,
+            y=cr * sp * cy + sr * cp * sy,
+            z=cr * cp * sy - sr * sp * cy,
+        )
+
+    def roll_pitch_yaw(self) -> tuple[float, float, float]:
+        """Return roll, pitch and yaw, rad, as `Pose` means them.
+
+        Raises:
+            ValueError: it is not of unit length, or not finite.
+        """
+        w, x, y, z = self
+        square = x * x + y * y + z * z + w * w
+        if not abs(square - 1.0) < UNIT_TOLERANCE:  # false for NaN too
+            raise ValueError(f"quaternion ({x:g}, {y:g}, {z:g}, {w:g}) is not of unit length")
+        roll = math.atan2(2 * (w * x + y * z), w * w - x * x - y * y + z * z)
+        pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x) / square)))
+        yaw = math.atan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z)
+        return roll, pitch, yaw

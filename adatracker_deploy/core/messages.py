@@ -24,7 +24,7 @@ ClassMask = NDArray[np.uint8]
 
 
 class MaskClass(enum.IntEnum):
-    """What a pixel of a class mask shows."""
+    """The class that a pixel of a class mask shows."""
 
     BACKGROUND = 0
     TARGET = 1
@@ -61,6 +61,19 @@ class Truth:
     """The target is in the picture, or would be if nothing hid it."""
 
 
+class Click(NamedTuple):
+    """An operator's wish that the person at a point of a picture be the target."""
+
+    number: int
+    """From 1, of one page."""
+    seq: int
+    """The frame that the operator saw; 0 for the newest."""
+    x: float
+    """From the left, in fractions of the image."""
+    y: float
+    """From the top."""
+
+
 @dataclass(frozen=True, slots=True)
 class Frame:
     """One camera image: RGB uint8 of shape (H, W, 3), its capture time and sequence number."""
@@ -71,6 +84,8 @@ class Frame:
     truth: Truth | None = None
     jpeg: bytes | None = None
     """The JPEG that `rgb` was decoded from, if any; the log reuses it."""
+    click: Click | None = None
+    """The operator's wish, given with the first frame after it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,6 +147,18 @@ class TargetState(enum.Enum):
     REACQUIRED = "reacquired"
     """Seen again in this frame, after having been lost."""
     LOST = "lost"
+    CHOOSING = "choosing"
+    """The operator has chosen somebody who has not been seen since."""
+
+
+class Pick(NamedTuple):
+    """The operator's last click, and who was there."""
+
+    click: Click
+    box: Box | None
+    """Where the person was in the frame that was clicked; None: nobody was there, and nothing changed."""
+    taken: int
+    """How many clicks have changed the target so far; one on the target does not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +176,9 @@ class Observation:
     image: NDArray[np.uint8] | None = None
     """The frame's picture, RGB of shape (H, W, 3); filled in by the loop, for policies that look at it."""
     state: PlatformState | None = None
-    """What the robot reported last, likewise."""
+    """The robot's last report, likewise."""
+    pick: Pick | None = None
+    """None before any click, and from segmenters whose target cannot be chosen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +189,7 @@ class Action:
     context: NDArray[np.float32] | None = None
     """The embodiment context z of shape (n,), where the policy has an encoder."""
     answer: Answer | None = None
-    """How it came from another machine; None for policies in this process."""
+    """The action's way from another machine; None for policies in this process."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,11 +199,11 @@ class Answer:
     t_ns: int
     """Capture time of the picture that it answers, ns of the run's clock."""
     queue_ms: float
-    """How long the observation waited here until it was sent."""
+    """Time for which the observation waited here before it was sent."""
     round_trip_ms: float
     """From sending the observation until the answer was there."""
     server_ms: float | None
-    """What inference took, as the server says."""
+    """Inference time by the server's report."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,6 +226,9 @@ class Twist:
 
 ZERO = Twist()
 
+LONGEST_REASON = 95
+"""Largest length of `PlatformState.stopped`, characters."""
+
 
 @dataclass(frozen=True, slots=True)
 class PlatformState:
@@ -217,7 +249,7 @@ class PlatformState:
     battery: float | None = None
     """State of charge, 0 to 1."""
     stopped: str = ""
-    """Why a stop has latched; empty while none has. At most 95 characters."""
+    """Reason for a latched stop; empty while there is none. At most `LONGEST_REASON` characters."""
     taken_over: bool = False
     """The stop came from elsewhere: the pilot's sticks, a remote control, the robot's own fail-safe."""
 
@@ -232,10 +264,10 @@ class Seen(NamedTuple):
     frame: Frame
     observation: Observation
     taken_ns: int | None = None
-    """When perception received the frame, by the run's clock; None when segmenting without a clock."""
+    """Time at which perception received the frame, by the run's clock; None when segmenting without one."""
     ready_ns: int | None = None
-    """When the observation was made, likewise."""
+    """Time at which the observation was made, likewise."""
     before_ns: int | None = None
-    """When the one before it was made, likewise."""
+    """Time at which the previous observation was made, likewise."""
     sight: Sight | None = None
-    """What it is worth, where the truth is known."""
+    """Comparison with the truth, where that is known."""

@@ -11,47 +11,49 @@ from adatracker_deploy.core.messages import Box, Twist
 Outcome = Literal[
     "completed", "lost", "wrong_person", "collision", "safety_stop", "takeover", "system_fault", "interrupted"
 ]
-"""How a trial ended; all but the first are failures."""
+"""The ways in which a trial can end; all but the first are failures."""
+BY_POLICY, BY_HAND = "policy", "hand"
+"""Who drove in a tick: the policy, or the operator by hand (docs/teleop.md)."""
 RESULTS: tuple[Outcome, ...] = ("completed", "lost", "wrong_person", "collision")
 """Outcomes that are results of a trial, not failures of the run."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Latency:
-    """Where one tick's time went, ms of the run's clock."""
+    """The breakdown of one tick's time, ms of the run's clock."""
 
     observation_age_ms: float
     """From the frame's capture to the start of the tick."""
     infer_ms: float
-    """What the policy took; 0 when the observation was too old to act on."""
+    """The policy's time; 0 when the observation was too old to act on."""
     sensor_to_command_ms: float
     """From the frame's capture to the set-point handed to the link."""
     lateness_ms: float
-    """How late the tick began against its deadline."""
+    """Delay of the tick's start after its deadline."""
     capture_ms: float | None = None
     """From the frame's capture until perception had it: its decoding, and its waiting to be looked for."""
     perceive_ms: float | None = None
-    """What segmentation and the target lock took."""
+    """Time for segmentation and the target lock."""
     gate_ms: float | None = None
     """From the set-point handed to the link until its gate had judged it. Absent, with the next two, when the
     link had not sent this tick's set-point by the tick after the next, or never did."""
     send_ms: float | None = None
-    """What the robot's adapter took to send it."""
+    """Time in which the robot's adapter sent it."""
     sensor_to_wire_ms: float | None = None
     """From the frame's capture until the set-point was sent."""
     answer_age_ms: float | None = None
     """From the capture of the picture that the action answers to the start of the tick. It and the next three
     are of policies on another machine alone, and of the answer that the tick acted on."""
     queue_ms: float | None = None
-    """How long that picture's observation waited here to be sent: an earlier answer was awaited."""
+    """Time for which that picture's observation waited here, while an earlier answer was awaited."""
     round_trip_ms: float | None = None
     """From sending it until its answer was there."""
     server_ms: float | None = None
-    """What inference took, as the server says; the rest of the round trip is the network's."""
+    """Inference time by the server's report; the rest of the round trip is the network's."""
 
     @property
     def wait_ms(self) -> float | None:
-        """How long the observation waited for a tick to begin."""
+        """Time for which the observation waited for a tick to begin."""
         if self.capture_ms is None or self.perceive_ms is None:
             return None
         return self.observation_age_ms - self.capture_ms - self.perceive_ms
@@ -68,27 +70,33 @@ class StepRecord:
     step: int
     """From 0: the first tick, whose box is the reference."""
     t_ns: int
-    """When the tick began, ns of the run's clock."""
+    """Start of the tick, ns of the run's clock."""
     frame_seq: int
     """The camera frame that this tick acted on."""
     box: Box | None = None
     """The target's box, in fractions of the image; absent while the target is lost, and while stale."""
     stale: bool = False
-    """The newest observation was too old to act on, or the policy's answer to it: zero was asked for. Neither
-    seen nor lost."""
+    """The newest observation was too old to act on, or the policy's answer to it: the policy asked for zero.
+    Neither seen nor lost."""
     confidence: float
     """Perception's confidence in the target, 0 to 1."""
     action: tuple[float, ...]
-    """What the policy answered, in [-1, 1] or in the units of its contract; empty in a stale tick."""
+    """The policy's output, in [-1, 1] or in the units of its contract; empty in a stale tick. While the hand
+    drives it is recorded, and not obeyed."""
     context: tuple[float, ...]
     """The embodiment context z; empty without an encoder."""
     command: Twist
-    """What the policy asked for."""
+    """The velocity that the driver asked for: the policy, or the hand."""
+    driver: str | None = None
+    """Who drove, `BY_POLICY` or `BY_HAND`; absent in logs from before anybody could drive by hand."""
+    hand: tuple[float, ...] = ()
+    """The hand's demand, as shares of the limits in [-1, 1]: forward, left, up, counter-clockwise. Empty
+    while the policy drives, and while nobody holds the dead-man button: zero was asked for."""
     sent: Twist | None = None
-    """What the link last made of this command, after its gate; zero once a stop has latched. Absent when a
+    """The link's last velocity for this command, after its gate; zero once a stop has latched. Absent when a
     newer command replaced it before the link's slot, or the trial ended before the link had answered."""
     gate: tuple[str, ...] = ()
-    """Why that is not the command, by the names of `gate.Reason`; empty when it is, or `sent` is absent."""
+    """The reasons for the difference, by the names of `gate.Reason`; empty without one, or without `sent`."""
     mode: str
     """The robot's own name for its mode."""
     pose: Pose | None = None
@@ -100,7 +108,7 @@ class StepRecord:
     state_age_s: float
     """Age of the robot's newest telemetry; infinite before the first."""
     latency: Latency
-    """Where this tick's time went."""
+    """The breakdown of this tick's time."""
     missed_deadlines: int
     """Slots skipped so far."""
     distance_m: float | None = None
@@ -116,11 +124,13 @@ class StepRecord:
     true_box: Box | None = None
     """Truth, in simulation only: the box of the target's visible part; absent while there is none."""
     target: str | None = None
-    """What is known of the target: tracked, coasting, reacquired or lost; absent where no lock keeps it."""
+    """State of the target: tracked, coasting, reacquired, lost or choosing; absent without a target lock."""
+    picks: int | None = None
+    """How many clicks of the operator have changed the target so far; absent where there was no click."""
 
     @property
     def frame_t_ns(self) -> int:
-        """When this tick's frame was captured, ns of the run's clock: exact up to an age of 26 days."""
+        """Capture time of this tick's frame, ns of the run's clock: exact up to an age of 26 days."""
         return self.t_ns - round(self.latency.observation_age_ms * 1e6)
 
 
@@ -132,6 +142,8 @@ class ScoredStep:
     t_ns: int
     box: Box | None = None
     stale: bool = False
+    driver: str | None = None
+    pose: Pose | None = None
     latency: Latency
     missed_deadlines: int
     distance_m: float | None = None
@@ -139,3 +151,4 @@ class ScoredStep:
     sight: str | None = None
     mask_iou: float | None = None
     true_box: Box | None = None
+    picks: int | None = None

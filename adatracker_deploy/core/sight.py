@@ -14,15 +14,15 @@ if TYPE_CHECKING:
     from adatracker_deploy.core.messages import ClassMask, Truth
 
 LEAST_PIXELS = 6
-"""Of the seen mask: a target that covers fewer in the true one counts as hidden."""
+"""Pixels of the seen mask: a target that covers fewer in the true one counts as hidden."""
 
 
 class Verdict(enum.Enum):
-    """Whether the target was seen, and if not, why."""
+    """The judgement of one picture: the target was seen, or the reason why it was not."""
 
     SEEN = "seen"
     SOMEBODY_ELSE = "somebody_else"
-    """What was taken for the target is not it."""
+    """The region taken for the target is not the target."""
     NOT_TRUSTED = "not_trusted"
     """The target was found, and taken for somebody else."""
     NOT_FOUND = "not_found"
@@ -34,7 +34,7 @@ class Verdict(enum.Enum):
 
     @property
     def words(self) -> str:
-        """What to say of it."""
+        """The verdict in words for people."""
         return _WORDS[self]
 
 
@@ -54,7 +54,7 @@ class Sight:
 
     verdict: Verdict
     mask_iou: float
-    """Of the seen with the true target, 0 to 1; 0 where either is empty."""
+    """IoU of the seen with the true target, 0 to 1; 0 where either is empty."""
     true_box: Box | None
     """The target's, of its visible part; None where there is none."""
 

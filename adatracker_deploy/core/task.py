@@ -6,6 +6,10 @@ Source: AdaTracker, section "Experimental Setup", task setting and reward.
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from adatracker_deploy.core.messages import Box
 
 DESIRED_DISTANCE_M = 2.5
 """rho* of the task setting."""
@@ -16,7 +20,7 @@ MAX_BEARING_RAD = math.radians(45.0)
 MAX_LOST_STEPS = 50
 """This many consecutive lost steps end a trial."""
 FIRST_SIGHT_S = 10.0
-"""How long a robot that stands still looks for the target before it gives up; not the paper's."""
+"""Longest search for the target, standing still, before the robot gives up; not the paper's."""
 
 
 def step_reward(distance_m: float, bearing_rad: float) -> float:
@@ -27,6 +31,18 @@ def step_reward(distance_m: float, bearing_rad: float) -> float:
         bearing_rad: its bearing from the robot's heading, in (-pi, pi].
     """
     return 1.0 - abs(distance_m - DESIRED_DISTANCE_M) / MAX_DISTANCE_M - abs(bearing_rad) / MAX_BEARING_RAD
+
+
+def box_reward(box: Box, reference: Box) -> float:
+    """Return R = 1 / (1 + |c - c_ref| + |(w, h) - (w, h)_ref|), L2 norms of normalised boxes; in (0, 1]."""
+    centre = math.hypot(box.cx - reference.cx, box.cy - reference.cy)
+    size = math.hypot(box.w - reference.w, box.h - reference.h)
+    return 1.0 / (1.0 + centre + size)
+
+
+def is_box(box: Box) -> bool:
+    """Return whether a box has finite numbers and a size."""
+    return box.w > 0 and box.h > 0 and math.isfinite(box.cx + box.cy + box.w + box.h)
 
 
 def target_visible(distance_m: float, bearing_rad: float, in_mask: bool) -> bool:

@@ -6,10 +6,15 @@ import os
 import shutil
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.onnx_session import available_providers, runtime_distributions
 from adatracker_deploy.platform import Check
-from adatracker_deploy.runtime.scheduling import MEND, MEND_AWAKE, Scheduling
+from adatracker_deploy.runtime.scheduling import MEND, MEND_AWAKE, MEND_AWAKE_RULE, Scheduling
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
 
 FEWEST_CORES = 2
 """One for the tracker, one for its perception."""
@@ -20,6 +25,13 @@ LEAST_LOG_S, FEW_LOG_S = 300, 3600
 STEADY_CLOCKS = ("tsc", "arch_sys_counter", "kvm-clock", "hyperv_clocksource_tsc_page")
 """Linux clock sources that are read in nanoseconds, without a system call to a slow device."""
 COARSEST_CLOCK_S = 1e-6
+
+_FIX_PRIORITY = """sudo groupadd --force realtime
+sudo usermod --append --groups realtime "$USER"  # then log in again
+echo '@realtime - rtprio 50' | sudo tee /etc/security/limits.d/adatracker.conf"""
+_FIX_AWAKE = f"""echo '{MEND_AWAKE_RULE}' | sudo tee /etc/udev/rules.d/60-cpu-dma-latency.rules
+sudo udevadm control --reload
+sudo udevadm trigger --name-match=cpu_dma_latency"""
 
 _GOVERNORS = Path("/sys/devices/system/cpu")
 _STAT = Path("/proc/stat")
@@ -40,7 +52,25 @@ def machine_checks(place: Path) -> tuple[Check, ...]:
             time.get_clock_info("monotonic").resolution,
         ),
         space_check(shutil.disk_usage(place).free, place),
+        onnxruntime_check(runtime_distributions(), available_providers()),
     )
+
+
+def onnxruntime_check(distributions: Mapping[str, str], providers: Sequence[str]) -> Check:
+    """Check that one package brings onnxruntime, and tell the execution providers that it has.
+
+    Args:
+        distributions: versions of the installed packages that bring it, by name.
+        providers: as users write them.
+    """
+    told = ", ".join(f"{name} {version}" for name, version in distributions.items()) or "of no known package"
+    told += f", has {', '.join(providers)}"
+    if len(distributions) < 2:
+        return Check("onnxruntime", True, told)
+    keep = [name for name in distributions if name != "onnxruntime"][-1]
+    fix = f"pip uninstall --yes {' '.join(distributions)}\npip install {keep}"
+    mend = f"they overwrite each other's files: {fix.replace(chr(10), ' && ')}"
+    return Check("onnxruntime", False, f"{told}: {mend}", fix=fix)
 
 
 def stolen_s() -> float:
@@ -65,18 +95,21 @@ def cores_check(count: int, load: float) -> Check:
 def governor_check(governors: set[str]) -> Check:
     """Check the cores' frequency governors; none where the machine does not report them."""
     if not governors:
-        return Check("frequency", True, "not this machine's to set")
+        return Check("frequency", True, "not adjustable on this machine")
     ok = governors == {"performance"}
-    mend = "" if ok else ": sudo cpupower frequency-set -g performance"
-    return Check("frequency", ok, f"governor {', '.join(sorted(governors))}{mend}", blocking=False)
+    fix = "" if ok else "sudo cpupower frequency-set -g performance"
+    mend = f": {fix}" if fix else ""
+    return Check("frequency", ok, f"governor {', '.join(sorted(governors))}{mend}", blocking=False, fix=fix)
 
 
 def realtime_check(allowed: bool, awake: bool) -> Check:
     """Check whether this process may have what ``--realtime`` needs: priority, and cores kept awake."""
     if allowed:
         sleep = "keeps cores awake" if awake else f"cores may sleep; to keep them awake: {MEND_AWAKE}"
-        return Check("real-time priority", True, f"allowed: --realtime, {sleep}")
-    return Check("real-time priority", False, f"not allowed: {MEND}", blocking=False)
+        fix = "" if awake else _FIX_AWAKE
+        return Check("real-time priority", True, f"allowed: --realtime, {sleep}", fix=fix)
+    fix = f"{_FIX_PRIORITY}\n{_FIX_AWAKE}"
+    return Check("real-time priority", False, f"not allowed: {MEND}", blocking=False, fix=fix)
 
 
 def _may_have_priority() -> bool:

@@ -99,11 +99,12 @@ def measured_policy(policy: Policy, clock: Clock) -> tuple[float, ...]:
     return _timed(lambda: policy.act(observation), _POLICY_TICKS)
 
 
-def policy_check(seconds: Sequence[float], rate_hz: float) -> Check:
-    """Check the policy's ticks against the loop's period."""
+def policy_check(seconds: Sequence[float], rate_hz: float, runs_on: str) -> Check:
+    """Check the policy's ticks against the loop's period; `runs_on` is the provider, empty without one."""
     p50, p99, _ = _percentiles(seconds)
     share = p99 * rate_hz
-    told = f"a tick takes p50 {p50 * 1e3:.2f}, p99 {p99 * 1e3:.2f} ms of {1e3 / rate_hz:.0f}"
+    where = f"on {runs_on} " if runs_on else ""
+    told = f"{where}a tick takes p50 {p50 * 1e3:.2f}, p99 {p99 * 1e3:.2f} ms of {1e3 / rate_hz:.0f}"
     if share < POLICY_SHARE:
         return Check("policy", True, told)
     return Check("policy", False, f"{told}: a smaller network, or a faster machine", blocking=share > 0.5)
@@ -119,10 +120,10 @@ def measured_perception(segmenter: Segmenter, clock: Clock) -> tuple[float, ...]
     return _timed(lambda: segmenter(next(frames)), _PICTURES)
 
 
-def perception_check(seconds: Sequence[float]) -> Check:
-    """Check the segmenter; block if its results would be too old to use."""
+def perception_check(seconds: Sequence[float], runs_on: str) -> Check:
+    """Check the segmenter; block if its results would be too old to use; `runs_on` says what runs where."""
     p50, p95 = np.percentile(seconds, (50, 95))
-    told = f"640x480 takes p50 {p50 * 1e3:.0f}, p95 {p95 * 1e3:.0f} ms, more with people in it"
+    told = f"640x480 takes p50 {p50 * 1e3:.0f}, p95 {p95 * 1e3:.0f} ms, more with people in it ({runs_on})"
     if p95 < STALE_OBSERVATION_S / 3:
         return Check("perception", True, told)
     mend = f"pictures older than {STALE_OBSERVATION_S:g} s stop the robot: a faster model or provider"

@@ -25,7 +25,7 @@ TRUTHS: dict[str, Callable[[Embodiment], float]] = {
     "pitch_deg": lambda body: body.pitch_deg,
     "fov_deg": lambda body: body.fov_deg,
 }
-"""What z is asked for; limits by their logarithm, because they scale what an action does."""
+"""The quantities regressed on z; limits by their logarithm, because they scale what an action does."""
 
 FIRST_TICK = 20
 """z is judged from this tick on: by then a history of 16 pairs is full."""

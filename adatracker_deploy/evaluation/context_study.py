@@ -31,7 +31,7 @@ _SEEDS_FROM = FIRST_EVALUATION + 1_000_000_000
 
 @dataclass(frozen=True, slots=True)
 class Swap:
-    """What it costs to hand a policy another z than its encoder's, in AR, on the same episodes."""
+    """The cost, in AR, of giving a policy another z than its encoder's, on the same episodes."""
 
     own: Estimate
     """AR with the encoder's z, a tick."""
@@ -43,7 +43,7 @@ class Swap:
 
 @dataclass(frozen=True, slots=True)
 class ContextStudy:
-    """What was found about one policy."""
+    """The study's findings about one policy."""
 
     bodies: tuple[Recorded, ...]
     r2: dict[str, float | None]
@@ -82,7 +82,7 @@ def study_context(
         UsageError: too few bodies, a policy without context, or a horizon too short to see z settle.
     """
     if bodies < 8:
-        raise UsageError(f"the context of {bodies} bodies says little: take 8 at least")
+        raise UsageError(f"{bodies} bodies are too few to study the context: take at least 8")
     recipe = load_recipe(RECIPE)
     first = _SEEDS_FROM + seed * 1_000_000
     episodes = [

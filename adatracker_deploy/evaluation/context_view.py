@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 def context_table(name: str, study: ContextStudy) -> RenderableType:
     """Draw R^2 of each truth, how fast z settles, and what a swap costs."""
     known = Table(title=f"{name}: z of {len(study.bodies)} bodies", box=box.SIMPLE_HEAD, title_justify="left")
-    known.add_column("a tick's z tells")
+    known.add_column("explained by a tick's z")
     known.add_column("held-out R²", justify="right")
     for truth, r2 in study.r2.items():
         known.add_row(truth, "-" if r2 is None else f"{r2:.2f}")

@@ -17,10 +17,10 @@ from adatracker_deploy.core.task import FIRST_SIGHT_S
 from adatracker_deploy.perception.jpeg import developed
 from adatracker_deploy.perception.segmenters import OF_REHEARSALS, open_segmenter
 from adatracker_deploy.perception.target.choice import Choice
-from adatracker_deploy.sim.render import check_renderer
 from adatracker_deploy.sim.studio import Eye
 
 if TYPE_CHECKING:
+    from adatracker_deploy.config.effects import RoadClass
     from adatracker_deploy.core.messages import Observation
     from adatracker_deploy.core.sight import Sight
     from adatracker_deploy.perception.segmenter import Segmenter
@@ -40,16 +40,15 @@ class Sights:
 
 
 def check_eyes(segmenter: str) -> None:
-    """Check, before anything is played, that pictures can be drawn and looked at.
+    """Check, before anything is played, that pictures can be looked at.
 
     Raises:
-        UsageError: what draws is not installed, or the segmenter is none of pictures.
+        UsageError: the segmenter needs no pictures.
     """
     if segmenter in OF_REHEARSALS:
         raise UsageError(
             f"segmenter {segmenter!r}: looks at no pictures; expected embedded, or a model's file"
         )
-    check_renderer()
     eyes_of(segmenter)
 
 
@@ -58,7 +57,7 @@ def eyes_of(segmenter: str) -> Segmenter:
     """Return a segmenter, opened once a process; the largest person is its target.
 
     Raises:
-        UsageError: there is none of this name.
+        UsageError: no such name.
     """
     return open_segmenter(segmenter, "person", Choice())[0]
 
@@ -69,11 +68,12 @@ class Eyes:
     Args:
         task: begun here.
         segmenter: sees; reset here.
+        road: shakes the camera.
     """
 
-    def __init__(self, task: Task, segmenter: Segmenter) -> None:
+    def __init__(self, task: Task, segmenter: Segmenter, road: RoadClass = "smooth") -> None:
         self._task, self._segmenter = task, segmenter
-        self._eye = Eye(task.world, task.settings.fov_rad, seed=0)
+        self._eye = Eye(task.world, task.settings.fov_rad, seed=0, road=road)
         self._seq = 0
         self._sights: list[Sight] = []
         segmenter.reset()

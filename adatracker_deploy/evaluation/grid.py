@@ -14,7 +14,7 @@ from adatracker_deploy.perception.segmenters import TRUTH
 from adatracker_deploy.policy.catalogue import load_policy
 from adatracker_deploy.policy.onnx_policy import OnnxPolicy
 from adatracker_deploy.policy.remote import RemotePolicy
-from adatracker_deploy.sim import check_scene
+from adatracker_deploy.sim.worlds import check_pictures, check_scene
 
 PAPER_SCENE, PAPER_STEPS = "simple_room", 500
 """Scene and episode length of the paper's per-embodiment results."""
@@ -37,7 +37,7 @@ CELLS = tuple(Cell(height_m, speed_m_s) for height_m in HEIGHTS_M for speed_m_s 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Grid:
-    """What is compared, and where.
+    """The policies, scenes and conditions of a comparison.
 
     Raises:
         UsageError: there is no such condition, scene or policy, a policy is named twice, or a number is out
@@ -62,6 +62,7 @@ class Grid:
         condition_named(self.condition)
         check_scene(self.scene)
         if self.segmenter != TRUTH:
+            check_pictures(self.scene)
             check_eyes(self.segmenter)
         for name, value, low, high in (
             ("episodes", self.episodes, 1, MOST_EPISODES),

@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from adatracker_deploy.core.camera import is_unreal
 from adatracker_deploy.core.errors import PlatformError, UsageError
 from adatracker_deploy.evaluation.eyes import Eyes, eyes_of
 from adatracker_deploy.learning.tracking import Tracking
@@ -51,7 +52,7 @@ class Episode:
 
 @dataclass(frozen=True, slots=True)
 class Played:
-    """What came of an episode."""
+    """The result of an episode."""
 
     ar: float
     """Accumulated reward."""
@@ -62,7 +63,7 @@ class Played:
     contexts: Contexts | None = None
     """z a tick, (T, Z), where it was wanted."""
     sights: Sights | None = None
-    """What the eyes saw, where they were given pictures."""
+    """The eyes' scores, where they were given pictures."""
 
 
 def play(policy: Policy, episode: Episode) -> Played:
@@ -76,7 +77,9 @@ def play(policy: Policy, episode: Episode) -> Played:
     if episode.imposed is not None:
         _impose(policy, episode)
     seen = tracking.begin()
-    eyes = None if episode.segmenter == TRUTH else Eyes(tracking.task, eyes_of(episode.segmenter))
+    eyes = None
+    if episode.segmenter != TRUTH:
+        eyes = Eyes(tracking.task, eyes_of(episode.segmenter), episode.spec.effects.road)
     if eyes is not None:
         first = eyes.first_sight()
         if first is None:
@@ -106,12 +109,14 @@ def play_all(episodes: Sequence[Episode], workers: int = 1) -> Generator[tuple[i
 
     Args:
         episodes: begun in this order.
-        workers: processes; 1 stays in this one.
+        workers: processes; 1 stays in this one, and so does everything that an engine simulates.
 
     Raises:
         UsageError: a policy is refused, or see `play`.
         PlatformError: a worker process died.
     """
+    if any(is_unreal(episode.spec.scene) for episode in episodes):
+        workers = 1  # an engine serves one client
     if workers == 1:
         players = _Players()
         yield from ((index, players(episode)) for index, episode in enumerate(episodes))

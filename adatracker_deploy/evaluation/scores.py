@@ -96,7 +96,7 @@ class PolicyScore:
 
     @property
     def sights(self) -> Sights | None:
-        """What the eyes saw, the mean of all episodes; None where the masks were the truth's."""
+        """The eyes' scores, the mean of all episodes; None where the masks were the truth's."""
         seen = [each.sights for cell in self.cells for each in cell.episodes.values() if each.sights]
         if not seen:
             return None
@@ -111,7 +111,7 @@ class PolicyScore:
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """How much one policy exceeds another on the same episodes."""
+    """The amount by which one policy exceeds another on the same episodes."""
 
     policy: str
     baseline: str

@@ -58,7 +58,7 @@ class Evidence:
     latched_s: float | None = None
     """From the onset until the link's stop, by its own clock; None without a stop."""
     noticed: str = ""
-    """Who first reported something after the onset: ``link`` or ``tracker``."""
+    """The first to report something after the onset: ``link`` or ``tracker``."""
     ticks: tuple[Tick, ...] = ()
     log_trouble: bool = False
     """The run reported that its log is incomplete."""
@@ -77,7 +77,7 @@ def without_effect(fault: str, evidence: Evidence, onset_ns: int) -> str:
     if fault not in _OURS and not any(
         name == fault and t_ns >= onset_ns for t_ns, name in evidence.account.suffered
     ):
-        return "the robot was not heard to suffer it"
+        return "the robot did not report the fault"
     sign = _SIGNS.get(fault)
     return sign(evidence, onset_ns) if sign is not None else ""
 
@@ -101,7 +101,7 @@ def _killed(evidence: Evidence, _: int) -> str:
 
 def _ends_asked(evidence: Evidence, _: int) -> str:
     asked = evidence.status == INTERRUPTED_STATUS
-    return "" if asked else f"exit status {evidence.status} tells of no stop that was asked for"
+    return "" if asked else f"exit status {evidence.status} reports no requested stop"
 
 
 def _asleep(evidence: Evidence, onset_ns: int) -> str:
@@ -141,7 +141,7 @@ def _no_tick(evidence: Evidence, onset_ns: int) -> str:
 
 
 def _log_cut(evidence: Evidence, _: int) -> str:
-    return "" if evidence.log_trouble else "the log's trouble was not told"
+    return "" if evidence.log_trouble else "the log's failure was not reported"
 
 
 _SIGNS: dict[str, Callable[[Evidence, int], str]] = {

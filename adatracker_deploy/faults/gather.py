@@ -57,7 +57,7 @@ def gather(
         status=done.returncode,
         outcome=summary.get("outcome", "interrupted" if done.returncode == INTERRUPTED_STATUS else ""),
         reason=summary.get("reason", said(done)),
-        log_trouble="the log is not whole" in done.stderr,
+        log_trouble="the log is incomplete" in done.stderr,
     )
     if not folder.is_dir():
         return evidence  # it ended before it had a log

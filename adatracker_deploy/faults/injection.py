@@ -67,7 +67,7 @@ class InterpreterWatch:
 
 
 AFTERMATH_S = 1.0
-"""How long the robot is monitored after a fault is over: its end must not restart any motion."""
+"""Time for which the robot is monitored after a fault: the fault's end must not restart any motion."""
 _FIRST_WORDS = 1000
 IN_PARTS = (
     *("camera_freeze", "segmenter_stall", "segmenter_error"),
@@ -99,11 +99,11 @@ class Injection:
         """Messages from before there was a log."""
         self._news = threading.Condition()
         self._entered: dict[TrialPhase, float] = {}
-        """When each phase began, machine time, s."""
+        """Start of each phase, machine time, s."""
         self._ongoing: dict[str, tuple[float, ScheduledFault]] = {}
         """Active faults, and the earliest end of each; infinite while it is being injected."""
         self._struck_s: dict[str, float] = {}
-        """When each fault last took effect, machine time, s."""
+        """Last onset of each fault, machine time, s."""
         self._ended = False
         self._own_file = None if simulator.witness else log_dir / f".{os.getpid()}-{time.monotonic_ns()}"
         self._file = simulator.witness or self._new_file(log_dir)

@@ -56,7 +56,7 @@ class Result:
     phase: str = TrialPhase.FOLLOWING
     variant: str = ""
     why: str = ""
-    """How the limit is derived, if it is not a round number."""
+    """The derivation of the limit, if it is not a round number."""
     value_s: float | None = None
     """The measured value that the limit applies to."""
     told_s: float | None = None
@@ -72,14 +72,14 @@ class Result:
     reason: str = ""
     """The run's own reason for its end."""
     noticed: str = ""
-    """Who noticed first: tracker, link or robot."""
+    """The first to notice: tracker, link or robot."""
     again: str = ""
-    """What an immediate second run with the same robot did; empty without one."""
+    """Result of an immediate second run with the same robot; empty without one."""
     verdict: Verdict = "not shown"
     note: str = ""
     tries: int = 1
     first_failure: str = ""
-    """Why the first attempt failed, if the row was run again."""
+    """The failure of the first attempt, if the row was run again."""
 
     @property
     def name(self) -> str:
@@ -177,7 +177,7 @@ def _not_as_it_should(row: Row, evidence: Evidence, onset_ns: int, *, flies: boo
         ((offboard_s or 0.0) > allowed_s, f"OFFBOARD {offboard_s or 0:.1f} s after it"),
         (row.lands and not account.off, "the robot was not seen to come to rest"),
         (row.lands and height_m > LANDED_M, f"not landed: {height_m:.1f} m high"),
-        (row.measure != "log" and not evidence.log_whole, "the log is not whole"),
+        (row.measure != "log" and not evidence.log_whole, "the log is incomplete"),
     )
     return next((words for is_so, words in found if is_so), "")
 

@@ -18,7 +18,7 @@ FOLLOWED_S = 2.0
 Measure = Literal[
     "told", "latched", "stands", "quiet", "woken", "climbs", "gap", "burst", "acceleration", "log"
 ]
-"""What a row limits: the last motion command, the link's latched stop, the robot's standstill, the last
+"""The measure of a row: the last motion command, the link's latched stop, the robot's standstill, the last
 motion command while the fault lasts or after the machine has woken, the last climb of a drone; or, where the
 robot goes on: the largest gap between commands, the smallest between ticks, the commanded acceleration, and
 that the trouble is reported."""
@@ -48,22 +48,22 @@ class Row:
     measure: Measure
     limit_s: float
     endings: frozenset[str]
-    """How the trial may end."""
+    """The outcomes that the trial may have."""
     only: dict[str, float] | None = None
     """Different limits for single platforms, s."""
     why: str = ""
-    """How the limit is derived, if it is not a round number."""
+    """The derivation of the limit, if it is not a round number."""
     exit_s: float = math.inf
     """Time within which the command must also have ended; a drone lands first."""
     words: str = ""
     """Regular expression that the run's reason must match."""
     phase: TrialPhase = TrialPhase.FOLLOWING
     after_s: float = FOLLOWED_S
-    """When it is injected, s after the phase has begun."""
+    """Time of the injection, s after the phase has begun."""
     on: tuple[str, ...] = ()
     """The platforms on which it is tested; empty for all that support it."""
     elsewhere: str = ""
-    """Why it is not tested on the others."""
+    """The reason why it is not tested on the others."""
     trials: int = 1
     ends_run: bool = False
     """Nothing may engage after it."""
@@ -126,7 +126,7 @@ FOLLOWING = (
     Row("takeover", "told", 0.3, TAKEN, lands=False),
     Row("link_drop", "latched", 0.3, STOPPED, {"wheeled": 0.2}),
     Row("robot_silent", "told", 0.3, STOPPED | TAKEN),
-    Row("battery_low", "told", 2.0, STOPPED, why="1 s, and 1 s until it is told"),
+    Row("battery_low", "told", 2.0, STOPPED, why="1 s, and 1 s until it is reported"),
     Row("remote_control", "told", 0.3, TAKEN),
     Row("emergency_stop", "told", 0.3, TAKEN),
     Row("base_fault", "told", 0.3, STOPPED | TAKEN),
@@ -136,7 +136,7 @@ FOLLOWING = (
     Row("cpu_hogs", "burst", 0.49, WENT_ON | STOPPED, why="two ticks at least half a period apart"),
     Row("gc_pause", "gap", 0.01 + LOOK_S, WENT_ON, why="with the simulator's look, 20 ms"),
     Row("action_jump", "acceleration", 1.0, WENT_ON | STOPPED, why="never above the profile's"),
-    Row("disk_full", "log", 0.0, WENT_ON, why="and the trouble is told"),
+    Row("disk_full", "log", 0.0, WENT_ON, why="and the failure is reported"),
 )
 """Rows of faults while following, before their expected reasons are added."""
 
@@ -184,7 +184,7 @@ class Refusal:
 
 REFUSALS = (
     Refusal("log_readonly", "the log folder cannot be written", 2, "nothing can be made in"),
-    Refusal("model_corrupt", "a byte of the policy's network is another", 2, "SHA-256"),
+    Refusal("model_corrupt", "one byte of the policy's network is changed", 2, "SHA-256"),
     Refusal("model_wrong_shape", "the network has other outputs than its manifest says", 2, "policy.onnx"),
     Refusal("profile_malformed", "a limit of the profile is not a number", 2, "accel_m_s2"),
     Refusal("battery_at_start", "5 % of the charge, before it is armed", 1, "not ready"),
@@ -194,16 +194,17 @@ NOT_SHOWN = {
     "wall_clock_jump": "setting the clock takes root and moves every program's; control, time-outs and logs "
     "count on the monotonic clock, wall-clock time is only written down",
     "can_bus_off": "bus-off, ENOBUFS and a downed interface need SocketCAN in the kernel: tests/wheeled/uml",
-    "hostile_packets": "a flood of rubbish is a test of each wire's parser: tests/wheeled, quadruped, drone",
+    "hostile_packets": "a flood of malformed messages is a test of each wire's parser: tests/wheeled, "
+    "quadruped, drone",
 }
 """Other faults, and why the matrix has no row for them."""
 
-_ROS = "ROS 2 messages cannot tell it"
+_ROS = "ROS 2 messages do not carry it"
 _STREAMS = "its streams come from one autopilot: see robot_silent"
 _REASONS = {
-    ("drone", "camera_gone"): "its camera is drawn in the tracker, no server can go: see camera_freeze",
+    ("drone", "camera_gone"): "its camera is drawn in the tracker, so no server can fail: see camera_freeze",
     ("drone", "remote_control"): "a pilot who changes the mode is in tests/drone",
-    ("drone", "emergency_stop"): "there is none in the air",
+    ("drone", "emergency_stop"): "none exists in the air",
     ("drone", "base_fault"): "its autopilot's own fail-safes decide",
     ("drone", "frozen_feedback"): _STREAMS,
     ("drone", "frozen_state"): _STREAMS,
@@ -214,10 +215,15 @@ _REASONS = {
     ("quadruped", "base_fault"): _ROS,
     ("quadruped", "frozen_state"): _ROS,
     ("quadruped", "frozen_feedback"): "see frozen_odometry",
+    ("ros2", "remote_control"): "another commander is another node: see takeover",
+    ("ros2", "emergency_stop"): _ROS,
+    ("ros2", "base_fault"): _ROS,
+    ("ros2", "frozen_state"): _ROS,
+    ("ros2", "frozen_feedback"): "see frozen_odometry",
     ("wheeled", "frozen_odometry"): "see frozen_feedback",
 }
 
 
 def absent(platform: str, fault: str) -> str:
     """Return why a fault cannot be rehearsed on a platform."""
-    return _REASONS.get((platform, fault), "its simulator does not know it")
+    return _REASONS.get((platform, fault), "its simulator does not support it")

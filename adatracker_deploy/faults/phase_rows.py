@@ -44,7 +44,7 @@ _SAME = "the toolkit's own code, the same for every robot"
 _HANDLER = "the handler is Ctrl-C's: see interrupt"
 _EXIT_S = 10.0
 """Limit for a command to exit after a stop request, s."""
-DRONE, GROUND = ("drone",), ("quadruped", "wheeled")
+DRONE, GROUND = ("drone",), ("quadruped", "ros2", "wheeled")
 HIGH: dict[str, dict[str, Any]] = {
     "connection": {"takeoff_altitude_m": 9.0},
     "limits": {"altitude_m": [1.0, 12.0]},
@@ -118,7 +118,7 @@ _TAKE_OFF = (
     Row("tracker_kill", "climbs", _DOWN_S, KILLED),
     Row("tracker_stop", "climbs", 2.5, STOPPED | TAKEN, why="1.5 s without a command, and braking"),
     Row("link_drop", "climbs", 2.5, STOPPED | TAKEN, why="2 s cut off, and braking"),
-    Row("takeover", "climbs", 2.5, STOPPED | TAKEN, why="it is the pilot's", lands=False),
+    Row("takeover", "climbs", 2.5, STOPPED | TAKEN, why="the pilot has control", lands=False),
     Row("suspend", "woken", 0.0, STOPPED | TAKEN),
 )
 _ARMED = _in(
@@ -145,7 +145,11 @@ _LOOKING = _in(
     Row("link_stop", "told", _AT_ONCE_S, STOPPED | TAKEN, on=("quadruped",), elsewhere=_SAME),
     Row("link_drop", "told", _SOON_S, STOPPED | TAKEN),
     Row(
-        "robot_frozen", "told", 2.0 + _SOON_S, STOPPED | TAKEN, why="what comes in 2 s of frost is read then"
+        "robot_frozen",
+        "told",
+        2.0 + _SOON_S,
+        STOPPED | TAKEN,
+        why="commands that arrive in the 2 s freeze are read after it",
     ),
     Row("takeover", "told", _SOON_S, STOPPED | TAKEN, lands=False),
     Row("camera_gone", "told", _SOON_S, STOPPED),
@@ -173,7 +177,7 @@ _DISENGAGING = _in(
     # Sooner, it was told HOLD and not LAND yet, and hovers.
     Row("link_kill", "told", 0.0, ANY, on=DRONE, after_s=0.5, variant=" once told to land"),
     Row("link_stop", "told", 0.0, ANY, on=DRONE, elsewhere=_SAME),
-    Row("link_drop", "told", 0.0, ANY, on=("drone", "wheeled"), elsewhere="it stands and is told nothing"),
+    Row("link_drop", "told", 0.0, ANY, on=("drone", "wheeled"), elsewhere="it stands and gets no commands"),
     Row("robot_frozen", "told", 0.0, ANY, on=DRONE, elsewhere="it stands already"),
     Row("takeover", "told", 0.0, ANY, lands=False),
     Row("suspend", "told", 0.0, ANY, on=DRONE, elsewhere=_SAME),

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 def refuse(refusal: Refusal, platform_name: str, _: object, folder: Path) -> Result:
     """Make an invalid request, in `folder`, and check that nothing moves.
 
-    A stall of the machine is no excuse here.
+    A stall of the machine does not excuse a row here.
     """
     arguments = _WRONG[refusal.name](load_platform(platform_name), folder)
     done = run_command("--platform", platform_name, "--sitl", "--steps", "20", *arguments)

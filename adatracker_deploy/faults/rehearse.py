@@ -35,12 +35,12 @@ if TYPE_CHECKING:
 
 COMMAND = (sys.executable, "-m", "adatracker_deploy")
 GOES_ON_S = 4.0
-"""How long a trial goes on after a fault that should not stop it."""
+"""Time for which a trial goes on after a fault that should not stop it."""
 FEW_STEPS_S = 2.0
 """Duration of a trial whose fault comes before it follows, or as it ends at full speed."""
 SEED = 3
 WIDTH_PX = 160
-"""Of the pictures, of which only the truth is used."""
+"""Width of the pictures, of which only the truth is used."""
 TIMEOUT_S = 120.0
 """Time-out for a whole row, including a drone's take-off and landing."""
 REST_S = 30.0

@@ -30,7 +30,7 @@ class ScheduledFault:
 
     @property
     def over_s(self) -> float:
-        """When it is over, s after its phase has begun; `at_s` for a single event or a permanent fault."""
+        """End of the fault, s after its phase has begun; `at_s` for a single event or a permanent fault."""
         return self.at_s + self.fault.lasts_s
 
     def __str__(self) -> str:

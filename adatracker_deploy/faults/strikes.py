@@ -99,9 +99,9 @@ STRIKES: dict[str, Callable[[Victims, Fault], None]] = {
     "gc_pause": _pause,
     "disk_full": _fill_disk,
 }
-"""How each fault is injected, by name."""
+"""The functions that inject each fault, by name."""
 MENDS: dict[str, Callable[[Victims], None]] = {
     "link_stop": lambda victims: _signal(victims.link, signal.SIGCONT),
     "robot_frozen": lambda victims: _signal(victims.robot, signal.SIGCONT),
 }
-"""How faults are ended that do not end by themselves."""
+"""The functions that end faults which do not end by themselves."""

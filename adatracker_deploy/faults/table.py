@@ -57,7 +57,7 @@ def results_table(results: Sequence[Result]) -> RenderableType:
 
 
 _CAPTION = (
-    "seconds from the onset; time: what the limit is of. told: the last motion command that reached the "
+    "seconds from the onset; time: the measure of the limit. told: the last motion command that reached the "
     "robot; quiet: the last while the fault lasts; woken: the last after the machine's sleep; latched: the "
     "link's stop; climbs: when a drone last did; stands: the robot's true speed, 'at' is the onset's; "
     "stall: how long the machine itself stood still about the onset; in brackets how often a row was run"

@@ -66,14 +66,14 @@ class FilmCamera(abc.ABC):
         """Open the recording.
 
         Raises:
-            ValueError: it is none that can be played.
+            ValueError: it cannot be played.
         """
 
     def open(self) -> None:
         """Open the recording and check that it has a first frame.
 
         Raises:
-            UsageError: it is none that can be played.
+            UsageError: it cannot be played.
         """
         try:
             self._film = self._open_film()

@@ -94,7 +94,7 @@ class FilmWriter:
         except ValueError:
             whole = False
         if not whole:
-            raise PlatformError(f"film {self._path}: what was written cannot be read: is the disk full?")
+            raise PlatformError(f"film {self._path}: the written film cannot be read: is the disk full?")
 
     def _open(self, writer: cv2.VideoWriter) -> None:
         keep_quiet()

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from adatracker_deploy.core.camera_info import CameraInfo
     from adatracker_deploy.core.clock import Clock
 
 NO_STAMPS = "sends no time stamps: pictures that the network holds back look new"
@@ -60,6 +61,8 @@ class LiveCamera(abc.ABC):
     def __init__(self, name: str, clock: Clock) -> None:
         self.name = name
         self.clock = clock
+        self.lens: CameraInfo | None = None
+        """The camera's lens, where it tells it beside its images."""
         self.dropped = 0
         """Number of images that were malformed, repeated or out of order."""
         self._order = StampOrder()

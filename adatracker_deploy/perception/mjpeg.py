@@ -46,7 +46,7 @@ class MjpegCamera(LiveCamera):
         self._socket: socket.socket | None = None
 
     def go(self) -> None:
-        """Let the people of a rehearsal walk; a camera whose frames carry no ground truth is not told.
+        """Let the people of a rehearsal walk; a camera whose frames carry no ground truth gets no request.
 
         Raises:
             PlatformError: the rehearsal does not answer.
@@ -76,7 +76,7 @@ class MjpegCamera(LiveCamera):
         except http.client.IncompleteRead:
             return  # in the middle of a chunk, as streams do
         except http.client.HTTPException as error:
-            raise PlatformError(f"camera {self.name}: its answer is no HTTP: {error!r}") from error
+            raise PlatformError(f"camera {self.name}: its answer is not HTTP: {error!r}") from error
         except ssl.SSLCertVerificationError as error:
             raise PlatformError(
                 f"camera {self.name}: its certificate is not trusted ({error.verify_message}): "

@@ -9,13 +9,11 @@ the images by DNS rebinding.
 from __future__ import annotations
 
 import base64
-import contextlib
 import re
 import socket
-import sys
 import threading
 from http import HTTPStatus
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from http.server import BaseHTTPRequestHandler
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
@@ -23,6 +21,7 @@ import cv2
 
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.core.messages import Shot
+from adatracker_deploy.page.loopback import LoopbackServer
 from adatracker_deploy.perception.truth_wire import encode_truth
 
 if TYPE_CHECKING:
@@ -56,7 +55,7 @@ class MjpegServer:
         self._newest = _Newest()
         self._on_go: list[Callable[[], None]] = []
         try:
-            self._server = _Server(("127.0.0.1", port), self._newest, self._go)
+            self._server = _Server(port, self._newest, self._go)
         except OSError as error:
             raise UsageError(f"TCP port {port} for the camera's stream: {error.strerror}") from error
         self._thread = threading.Thread(target=self._server.serve_forever, args=(0.05,), name="mjpeg server")
@@ -155,37 +154,11 @@ class _Newest:
             return None if self._ended else self._shot
 
 
-class _Server(ThreadingHTTPServer):
-    daemon_threads = True
-    allow_reuse_address = True
-
-    def __init__(self, address: tuple[str, int], newest: _Newest, go: Callable[[], None]) -> None:
+class _Server(LoopbackServer):
+    def __init__(self, port: int, newest: _Newest, go: Callable[[], None]) -> None:
         self.newest = newest
         self.go = go
-        self._connections: set[socket.socket] = set()
-        self._connecting = threading.Lock()
-        super().__init__(address, _Handler)
-
-    def process_request(self, request: Any, client_address: Any) -> None:
-        with self._connecting:
-            self._connections.add(request)
-        super().process_request(request, client_address)
-
-    def shutdown_request(self, request: Any) -> None:
-        with self._connecting:
-            self._connections.discard(request)
-        super().shutdown_request(request)
-
-    def disconnect_all(self) -> None:
-        with self._connecting:
-            for connection in self._connections:
-                with contextlib.suppress(OSError):  # one that has left by itself must not keep the others
-                    connection.shutdown(socket.SHUT_RDWR)
-
-    def handle_error(self, request: Any, client_address: Any) -> None:
-        """Ignore a client that disconnects in the middle of an image."""
-        if not isinstance(sys.exception(), OSError):
-            super().handle_error(request, client_address)
+        super().__init__(port, _Handler)
 
 
 def _name(host: str) -> str:

@@ -25,9 +25,9 @@ Colour = tuple[int, int, int]
 LEAST_HEIGHT_PX, LARGEST_HEIGHT_PX, LARGEST_WIDTH_PX = 360, 720, 1280
 """Smaller pictures are enlarged, for the text has to fit; larger ones are reduced."""
 TINT = {MaskClass.TARGET: 0.45, MaskClass.PERSON: 0.4, MaskClass.OBSTACLE: 0.4}
-"""How strongly each class is painted over the picture."""
+"""Opacity of each class over the picture."""
 SHADE = 0.3
-"""What a panel leaves of the picture behind it, so that its text can be read on any."""
+"""Brightness that a panel leaves of the picture behind it, so that its text can be read on any."""
 
 WHITE = (245, 246, 248)
 FAINT = (170, 175, 184)
@@ -36,6 +36,7 @@ STATE_COLOURS: dict[TargetState | None, Colour] = {
     TargetState.REACQUIRED: (70, 200, 235),
     TargetState.COASTING: (250, 205, 60),
     TargetState.LOST: (240, 85, 75),
+    TargetState.CHOOSING: (90, 150, 250),
     None: FAINT,
 }
 _MOVES = {
@@ -44,7 +45,7 @@ _MOVES = {
     "vertical": ("up", "down"),
     "yaw": ("turn left", "turn right"),
 }
-"""What positive and negative are called (REP 103)."""
+"""The names of positive and negative values (REP 103)."""
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
@@ -67,7 +68,7 @@ def overlay(
         rgb: the frame's picture.
         observation: what perception made of it.
         when: its time or age, in words.
-        drive: what the policy makes of it; None where there is none.
+        drive: the policy's command; None without one.
         stale: it is too old to be acted on: where the target is now is not known.
     """
     width, height = shown_size(rgb.shape[1], rgb.shape[0])

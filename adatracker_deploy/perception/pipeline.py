@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import threading
+from collections import deque
+from dataclasses import replace
 from typing import TYPE_CHECKING, Self
 
 from adatracker_deploy.core.errors import PlatformError
@@ -16,7 +18,7 @@ if TYPE_CHECKING:
 
     from adatracker_deploy.core.camera import Camera
     from adatracker_deploy.core.clock import Clock
-    from adatracker_deploy.core.messages import Frame
+    from adatracker_deploy.core.messages import Click, Frame
     from adatracker_deploy.perception.segmenter import Segmenter
 
 
@@ -47,8 +49,8 @@ def refuse_hung(segmenter: Segmenter) -> None:
     """
     if any(hung is segmenter and thread.is_alive() for hung, thread in _left_behind):
         raise PlatformError(
-            "the segmenter still hangs in a frame of an earlier trial: there can be no other with it; "
-            "end this program, and see why it hangs"
+            "the segmenter still hangs in a frame of an earlier trial, so no other can start: "
+            "end this program, and find out why it hangs"
         )
 
 
@@ -62,6 +64,7 @@ class Perception:
         self._rate_hz = rate_hz
         self._newest: Seen | None = None
         self._error: PlatformError | None = None
+        self._clicks: deque[Click] = deque(maxlen=1)  # the last wish is the one that counts
         self._looking = False
         self._looked = threading.Condition()
         self._ending = threading.Event()
@@ -84,6 +87,10 @@ class Perception:
         if self._error is not None:
             raise self._error
         return self._newest
+
+    def choose(self, click: Click) -> None:
+        """Ask the segmenter, with the next frame, to follow whom the operator has clicked on."""
+        self._clicks.append(click)
 
     def close(self) -> None:
         """End the thread, or abandon it if it hangs in the segmenter; may be called twice."""
@@ -118,6 +125,8 @@ class Perception:
                 frame = self._camera.read(pacer.wait().t_ns)
                 if frame is not None and (self._newest is None or frame.seq != self._newest.frame.seq):
                     taken_ns = self._clock.now_ns()
+                    if self._clicks:
+                        frame = replace(frame, click=self._clicks.popleft())
                     self._look(True)
                     seen = perceive(frame, self._segmenter)
                     before_ns = None if self._newest is None else self._newest.ready_ns
@@ -125,7 +134,7 @@ class Perception:
                         taken_ns=taken_ns, ready_ns=self._clock.now_ns(), before_ns=before_ns
                     )
                     self._look(False)
-        except PlatformError as error:  # handed to whoever asks next
+        except PlatformError as error:  # raised at the next call
             self._error = error
         except BaseException as error:  # a fault of ours or a model's, sys.exit too: the robot stops
             self._error = PlatformError(f"perception: {type(error).__name__}: {error}")

@@ -30,9 +30,9 @@ class Instances:
     scores: NDArray[np.float32]
     """Shape (n,), 0 to 1."""
     words: tuple[str, ...]
-    """What each is, in the words of the detector's vocabulary."""
+    """The class of each, in the words of the detector's vocabulary."""
     masks: Masks | None = None
-    """Where the detector gives masks as well."""
+    """None where the detector gives no masks."""
 
     @classmethod
     def none(cls) -> Instances:
@@ -65,7 +65,7 @@ class Detector(Protocol):
 
         Args:
             picture: the image.
-            tall: height of whoever matters, share of the picture's longer side, if it is known; a detector
+            tall: the person's height, share of the picture's longer side, if it is known; a detector
                 that finds people better at some scales than at others may choose its own by it.
 
         Raises:

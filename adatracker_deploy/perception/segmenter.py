@@ -61,10 +61,10 @@ def check_observation(observation: Observation, frame: Frame) -> None:
     """
     mask, box = observation.mask, observation.box
     if (observation.seq, observation.t_ns) != (frame.seq, frame.t_ns):
-        raise PlatformError("segmenter: gave an observation of another frame")
+        raise PlatformError("segmenter: returned an observation of another frame")
     if mask.ndim != 2 or mask.dtype != np.uint8 or not mask.size or mask.max() > max(MaskClass):
-        raise PlatformError("segmenter: gave what is no class mask")
+        raise PlatformError("segmenter: returned an invalid class mask")
     if box is not None and not (0 < box.w <= 1 and 0 < box.h <= 1 and 0 <= box.cx <= 1 and 0 <= box.cy <= 1):
-        raise PlatformError(f"segmenter: gave a box that is none: {box}")
+        raise PlatformError(f"segmenter: returned an invalid box: {box}")
     if not 0 <= observation.confidence <= 1:
-        raise PlatformError(f"segmenter: gave a confidence of {observation.confidence}")
+        raise PlatformError(f"segmenter: returned a confidence of {observation.confidence}")

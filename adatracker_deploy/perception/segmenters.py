@@ -98,13 +98,13 @@ def _of_pictures(
     )
     if isinstance(detector, Sam2Propagator):
         raise UsageError(
-            f"segmenter {name}: follows a mask and finds nobody by itself: give it as --propagator"
+            f"segmenter {name}: follows a mask and does not detect people: give it as --propagator"
         )
     heads = SelfieMasks(shipped("selfie_segmentation.onnx"), providers=where)
     follower = None if propagator is None else open_model(propagator, (), providers)
     if not (follower is None or isinstance(follower, Sam2Propagator)):
         raise UsageError(
-            f"propagator {propagator}: finds people but follows nobody's mask: expected kind sam2"
+            f"propagator {propagator}: detects people but does not follow a mask: expected kind sam2"
         )
     parts = (detector, heads) if follower is None else (detector, heads, follower)
     segmenter = TargetSegmenter(

@@ -83,7 +83,7 @@ def open_source(uri: str, clock: Clock, *, every_frame: bool = False) -> Camera:
     """
     check_uri(uri)
     if uri.startswith((ROBOT, WORLD)):
-        raise UsageError(f"camera {uri!r}: only a run with its robot has this one; expected {KNOWN}")
+        raise UsageError(f"camera {uri!r}: it exists only in a run with its robot; expected {KNOWN}")
     scheme = _SCHEME.match(uri)
     if scheme is not None and scheme[1] in _MJPEG_SCHEMES:
         return MjpegCamera(uri, clock)
@@ -103,8 +103,8 @@ def _check_pipeline(uri: str) -> None:
     shown = without_password(uri)
     if not has_gstreamer():
         raise UsageError(
-            f"camera {shown!r}: this build of OpenCV has no GStreamer, as the one from PyPI has not: install "
-            "one that has (a Jetson's own, Debian's python3-opencv), or let the pipeline serve RTSP or MJPEG"
+            f"camera {shown!r}: this build of OpenCV lacks GStreamer, like the one on PyPI: install one "
+            "that has it (a Jetson's own, Debian's python3-opencv), or let the pipeline serve RTSP or MJPEG"
         )
     if "appsink" not in uri:
         raise UsageError(f"camera {shown!r}: the pipeline must end in '! videoconvert ! appsink'")

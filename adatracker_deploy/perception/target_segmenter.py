@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import cv2
 import numpy as np
 
-from adatracker_deploy.core.messages import Box, MaskClass, Observation, at_size
+from adatracker_deploy.core.messages import Box, MaskClass, Observation, Pick, TargetState, at_size
 from adatracker_deploy.perception.boxes import heights, within
 from adatracker_deploy.perception.drawing import MASK_SIZE, class_mask, ellipses, mask_shape
 from adatracker_deploy.perception.roles import Instances
@@ -19,18 +19,19 @@ from adatracker_deploy.perception.target.choice import Choice
 from adatracker_deploy.perception.target.first_sight import FirstSight
 from adatracker_deploy.perception.target.lock import Locked, TargetLock
 from adatracker_deploy.perception.target.motion import CameraMotion
+from adatracker_deploy.perception.target.picks import RecentPeople, Sighting
 from adatracker_deploy.perception.target.propagation import Propagation, resized
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from adatracker_deploy.core.messages import Frame
+    from adatracker_deploy.core.messages import Click, Frame
     from adatracker_deploy.perception.roles import Detector, MaskHead, Masks, Propagator
 
 PERSON = "person"
 LEAST_OBSTACLE_SCORE = 0.5
 SEARCHED = (0.38, None)
-"""Heights that the detector is told by turns while nobody is followed, shares of the picture's longer side:
+"""Heights that the detector is given in turn while nobody is followed, shares of the picture's longer side:
 people whom it is weak at in the one picture it finds in the next."""
 CUT_OUT = 2
 """Number of people with masks from the mask head: the target and the nearest others; each costs
@@ -83,6 +84,9 @@ class TargetSegmenter:
         self._looks = 0
         self._motion = CameraMotion()
         self._first_sight: FirstSight | None = FirstSight(self._choice)
+        self._recent = RecentPeople()
+        self._pick: Pick | None = None
+        self._awaited = False
         if self._propagation:
             self._propagation.reset()
 
@@ -93,7 +97,7 @@ class TargetSegmenter:
             PlatformError: the model gave what no such model gives.
         """
         followed = self._propagation.step(frame.rgb) if self._propagation else None
-        between = self._key_frames and followed is not None and followed.trusted
+        between = self._key_frames and followed is not None and followed.trusted and frame.click is None
         found = Instances.none() if between else self._detector(frame.rgb, self._looked_for())
         kinds = np.array([word == PERSON for word in found.words], bool)
         sure = found.scores >= (0.0 if self._first_sight else self._least_score)
@@ -103,7 +107,10 @@ class TargetSegmenter:
             people = followed.among(people, PERSON)
         locked = self._locked(frame, people)
         place = locked.place if locked else None
-        self._tall = None if place is None else float(heights(people.boxes)[place]) / max(frame.rgb.shape[:2])
+        if place is not None:
+            self._tall = float(heights(people.boxes)[place]) / max(frame.rgb.shape[:2])
+        elif locked is None or locked.state is not TargetState.COASTING:
+            self._tall = None
         mask = self._drawn(frame, people, obstacles, place)
         box = None if place is None else people.boxes[place]
         if box is not None:
@@ -118,10 +125,11 @@ class TargetSegmenter:
             t_ns=frame.t_ns,
             seq=frame.seq,
             target=locked.state if locked else None,
+            pick=self._pick,
         )
 
     def _looked_for(self) -> float | None:
-        """Return how tall the target is; of one who is not in sight, by turns, what covers all sizes."""
+        """Return how tall the target was last; of one who is lost, by turns, what covers all sizes."""
         if self._tall is not None:
             return self._tall
         self._looks += 1
@@ -132,13 +140,47 @@ class TargetSegmenter:
         height, width = frame.rgb.shape[:2]
         looks = appearances(frame.rgb, people.boxes)
         motion = self._motion(frame.rgb, people.boxes)
+        self._recent.add(Sighting(frame.seq, frame.t_ns, people.boxes, people.scores, looks, motion))
+        locked = None
         if self._first_sight is None:
-            return self._lock.update(people.boxes, people.scores, looks, motion, frame.t_ns)
+            locked = self._lock.update(people.boxes, people.scores, looks, motion, frame.t_ns)
+        if frame.click is not None:
+            locked = self._picked(frame.click, frame, locked)
+        if self._first_sight is None:
+            return None if locked is None else self._seen_since(locked)
         place = self._first_sight(people, width, height, frame.t_ns)
         if place is None:
             return None
         self._first_sight = None
         return self._lock.choose(place, people.boxes, looks, frame.t_ns)
+
+    def _picked(self, click: Click, frame: Frame, before: Locked | None) -> Locked | None:
+        """Make whom the operator has clicked on the target; return what its lock says of the frame.
+
+        That of the target `before`, where nobody was there, or they are the target already.
+        """
+        height, width = frame.rgb.shape[:2]
+        found = self._recent.locked_on(click, width, height)
+        taken = self._pick.taken if self._pick else 0
+        if found is None:
+            self._pick = Pick(click, None, taken)
+            return before
+        box, place = _fractions(found.box, frame), found.locked.place
+        if before is not None and before.place is not None and before.place == place:
+            self._pick = Pick(click, box, taken)
+            return before
+        self._pick = Pick(click, box, taken + 1)
+        self._lock, self._first_sight, self._outline, self._awaited = found.lock, None, None, True
+        if self._propagation:
+            self._propagation.reset()
+        return found.locked
+
+    def _seen_since(self, locked: Locked) -> Locked:
+        """Return what the lock says; of a new target that has not been seen since the choice, only that."""
+        if self._awaited and locked.place is None:
+            return Locked(TargetState.CHOOSING, None, 0.0)
+        self._awaited = False
+        return locked
 
     def _drawn(
         self, frame: Frame, people: Instances, obstacles: Instances, target: int | None

@@ -8,8 +8,8 @@ first image on is not detected.
 from __future__ import annotations
 
 DRIFT_PPM = 250
-"""The least seen is forgiven so much growth: two ordinary quartz clocks, of 100 ppm each, drift apart by 200
-ppm at most. A queue that grows more slowly than this is not told from drift: 0.09 s in six minutes."""
+"""Allowed growth of the least travel time: two ordinary quartz clocks, of 100 ppm each, drift apart by 200
+ppm at most. A queue that grows more slowly than this passes for drift: 0.09 s in six minutes."""
 
 
 class Transit:

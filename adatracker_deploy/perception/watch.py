@@ -38,7 +38,7 @@ class FrameWatch:
         self._speed = speed
         self._last: Frame | None = None
         self._arrived_ns = 0
-        """When the newest frame did."""
+        """Arrival time of the newest frame."""
         self._unchanged_s = 0.0
         """Machine time for which the newest frame's picture has been the same."""
 

@@ -41,7 +41,7 @@ class CompressedImageCamera(LiveCamera):
         self._key = key
         self._session: zenoh.Session | None = None
         self._using = threading.Lock()
-        """Held by whoever uses the session: Zenoh's raises a RuntimeError when it is closed meanwhile."""
+        """Held while the session is in use: Zenoh's raises a RuntimeError when it is closed meanwhile."""
 
     def read(self, now_ns: int) -> Frame | None:
         """Return the newest frame that had arrived by `now_ns`.
@@ -52,7 +52,7 @@ class CompressedImageCamera(LiveCamera):
         with self._using:
             gone = self._session is not None and not any(_neighbours(self._session))
         if gone:
-            raise PlatformError(f"camera {self.name}: nobody answers at {self._endpoint} any more")
+            raise PlatformError(f"camera {self.name}: nothing answers at {self._endpoint} any more")
         return super().read(now_ns)
 
     def _dial(self) -> zenoh.Session:

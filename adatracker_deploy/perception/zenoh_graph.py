@@ -25,7 +25,7 @@ out because the defaults that may be left out have changed with rmw_zenoh's rele
 
 
 class Topic(NamedTuple):
-    """What a key of rmw_zenoh's says of its topic."""
+    """The topic that an rmw_zenoh key describes."""
 
     domain: int
     name: str
@@ -35,7 +35,7 @@ class Topic(NamedTuple):
 
 
 def topic_of(key: str) -> Topic | None:
-    """Return the topic of a key; None if it is none of rmw_zenoh's."""
+    """Return the topic of a key; None if it is not one of rmw_zenoh's."""
     match = _KEY.fullmatch(key)
     return match and Topic(int(match["domain"]), match["name"], match["type"], match["type_hash"])
 

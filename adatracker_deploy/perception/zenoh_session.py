@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 CONNECT_TIMEOUT_S = 1.5
-"""How long to dial; a robot on the same network answers in milliseconds."""
+"""Time-out of a connection attempt; a robot on the same network answers in milliseconds."""
 LEASE_S = 1.0
 """A peer that is silent for this long is gone: how soon a frozen or cut-off robot is noticed."""
 

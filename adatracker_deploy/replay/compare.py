@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from adatracker_deploy.core.messages import ZERO
+from adatracker_deploy.core.record import BY_HAND
 from adatracker_deploy.policy.base import to_twist
 
 if TYPE_CHECKING:
@@ -44,7 +46,7 @@ class Difference:
         """The difference in words for people."""
         if self.place < 0:
             return f"tick {self.step}, {self.what}: {self.replayed:g} numbers, in the log {self.logged:g}"
-        amount = f"by {self.by:.2g}" if math.isfinite(self.by) else "one of them is no finite number"
+        amount = f"by {self.by:.2g}" if math.isfinite(self.by) else "one of them is not finite"
         where = f"tick {self.step}, {self.what}[{self.place}]"
         return f"{where}: logged {self.logged:.9g}, now {self.replayed:.9g}, {amount}"
 
@@ -88,6 +90,21 @@ def first_difference(answers: Sequence[Answer]) -> Difference | None:
     return None
 
 
+def logged_commands(answers: Sequence[Answer], spec: ActionSpec, limits: Limits) -> list[Twist]:
+    """Return what the logged answers asked of a robot: the logged commands, but where the hand drove.
+
+    There the action is turned into a velocity by `spec`; one of another length asks for nothing.
+    """
+    return [
+        answer.step.command if answer.step.driver != BY_HAND else _unheeded(answer.step.action, spec, limits)
+        for answer in answers
+    ]
+
+
+def _unheeded(action: Numbers, spec: ActionSpec, limits: Limits) -> Twist:
+    return to_twist(np.array(action, np.float32), spec, limits) if len(action) == len(spec) else ZERO
+
+
 def commands(answers: Sequence[Answer], spec: ActionSpec, limits: Limits) -> list[Twist]:
     """Return what the answers ask of a robot of these limits."""
     return [to_twist(np.array(answer.action, np.float32), spec, limits) for answer in answers]
@@ -124,7 +141,7 @@ def context_apart(answers: Sequence[Answer]) -> Spread | None:
 
 
 def _bits(numbers: Numbers) -> np.ndarray[tuple[int], np.dtype[np.uint32]]:
-    with np.errstate(over="ignore"):  # what is larger than any float32 is none of a policy's
+    with np.errstate(over="ignore"):  # no policy gives values larger than a float32
         values = np.array(numbers, np.float32)
     values[np.isnan(values)] = np.nan  # the log does not tell one NaN from another
     return values.view(np.uint32)

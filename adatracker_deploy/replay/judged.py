@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 from adatracker_deploy.config.limits import Limits
 from adatracker_deploy.core.messages import ZERO, PlatformState, Twist
+from adatracker_deploy.core.record import BY_HAND
 from adatracker_deploy.runtime.gate import GateState, Reason, Setpoint, judge
 from adatracker_deploy.runtime.link import RATE_HZ
 
@@ -35,7 +36,7 @@ class Judged:
     sent: Twist
     """The velocity in the last slot before the next tick."""
     reasons: frozenset[Reason]
-    """Why it was changed, in any slot."""
+    """The reasons for a change, in any slot."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +45,7 @@ class Judgement:
 
     ticks: tuple[Judged, ...]
     stop: Reason | None
-    """Why it stopped for good, at the last of the ticks; None where it did not."""
+    """The reason for a lasting stop, at the last of the ticks; None without one."""
 
     def reasons(self) -> dict[Reason, list[int]]:
         """Return the ticks at which each reason changed the command."""
@@ -79,7 +80,7 @@ def judge_again(steps: Sequence[StepRecord], limits: Limits) -> Judgement:
     ticks: list[Judged] = []
     for step, end_ns in zip(steps, ends, strict=True):
         share = step.box.area if step.box else None
-        setpoint, robot = Setpoint(step.command, step.t_ns, share, step.frame_t_ns), _robot(step)
+        setpoint, robot = Setpoint(step.command, step.t_ns, share, *_limited_by(step)), _robot(step)
         sent = ZERO
         reasons: set[Reason] = set()
         for now_ns in range(step.t_ns, max(end_ns, step.t_ns + 1), SLOT_NS):
@@ -92,6 +93,13 @@ def judge_again(steps: Sequence[StepRecord], limits: Limits) -> Judgement:
         if state.stop is not None:
             return Judgement(tuple(ticks), state.stop.reason)
     return Judgement(tuple(ticks), None)
+
+
+def _limited_by(step: StepRecord) -> tuple[int | None, int | None]:
+    """Return what else ends a command: the age of its frame, or of the hand the dead-man button's release."""
+    if step.driver != BY_HAND:
+        return step.frame_t_ns, None
+    return None, None if step.hand else step.t_ns
 
 
 def _robot(step: StepRecord) -> PlatformState:

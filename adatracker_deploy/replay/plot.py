@@ -30,8 +30,8 @@ def command_plot(
 
     Args:
         times_s: of the ticks, from the first; at least one.
-        logged: what was asked for, as many; drawn in blue.
-        replayed: what is asked for now, as many; drawn in orange, above.
+        logged: the logged commands, as many; drawn in blue.
+        replayed: the new commands, as many; drawn in orange, above.
     """
     used = [axis for axis in AXES if any(getattr(twist, axis) for twist in (*logged, *replayed))] or ["vx"]
     image = np.full((HEAD_PX + len(used) * (CHART_PX + GAP_PX), WIDTH_PX, 3), PAPER, np.uint8)
@@ -52,5 +52,5 @@ def command_plot(
 
 
 def _drawable(value: float) -> float | None:
-    """Return a velocity; None for what is none: damage in a log may be of any size."""
+    """Return a velocity; None for an invalid one: damage in a log may be of any size."""
     return float(value) if math.isfinite(value) and abs(value) < 1e6 else None

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import statistics
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from adatracker_deploy.config.limits import Limits
-from adatracker_deploy.config.schema import parse
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.policy.golden import GOLDEN_TOLERANCE
 from adatracker_deploy.replay.answers import Replayed, answer_again
@@ -19,9 +16,12 @@ from adatracker_deploy.replay.compare import (
     commands,
     context_apart,
     first_difference,
+    logged_commands,
 )
 from adatracker_deploy.replay.judged import Judgement, judge_again, without_gaps
 from adatracker_deploy.runtime.link_process import wall_timeouts
+from adatracker_deploy.trial.episodes import tick_rate_hz
+from adatracker_deploy.trial.limits import limits_of
 from adatracker_deploy.trial.provenance import surroundings
 
 if TYPE_CHECKING:
@@ -47,10 +47,10 @@ class PolicyAgain:
     asked: tuple[Twist, ...]
     """The commands of the replayed answers, for the same robot."""
     apart: dict[str, Spread]
-    """How far these two lie apart, by axis."""
+    """Differences between these two, by axis."""
     context_apart: Spread | None
     notes: tuple[str, ...]
-    """What a reader must know."""
+    """Caveats for the reader."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,9 +62,9 @@ class GateAgain:
     before: Judgement
     after: Judgement
     apart: dict[str, Spread]
-    """How far what is sent lies apart, by axis, up to the sooner stop."""
+    """Differences between the commands sent, by axis, up to the earlier stop."""
     agreement: dict[str, Spread]
-    """How far the judgement under the trial's own limits lies from what the log says was sent."""
+    """Differences between the judgement under the trial's own limits and the logged commands."""
     notes: tuple[str, ...]
 
 
@@ -76,13 +76,13 @@ def ask_again(trial: Trial, policy: Policy) -> PolicyAgain:
     """
     limits, seed = limits_of(trial), trial.config.get("seed")
     if not isinstance(seed, int):
-        raise UsageError(f"{trial.path}: does not say the seed that its policy was reset with")
+        raise UsageError(f"{trial.path}: lacks the seed that its policy was reset with")
     replayed = answer_again(trial.steps, trial.masks(), policy, seed)
     answers = replayed.answers
     if not answers:
         why = f"tick {replayed.gap.step}: {replayed.gap.why}" if replayed.gap else "no tick was acted on"
         raise UsageError(f"{trial.path}: there is nothing to replay ({why})")
-    logged = tuple(answer.step.command for answer in answers)
+    logged = tuple(logged_commands(answers, policy.info.action, limits))
     asked = tuple(commands(answers, policy.info.action, limits))
     numbers = [answer.step.step for answer in answers]
     first, same = first_difference(answers), _is_same(trial, policy)
@@ -108,10 +108,10 @@ def gate_again(trial: Trial, limits: Limits) -> GateAgain:
     before_limits = limits_of(trial)
     speed = trial.config.get("speed", 1.0)
     if not isinstance(speed, int | float) or not 1 <= speed <= 100:
-        raise UsageError(f"{trial.path}: says a speed of {speed!r}, which no run has")
+        raise UsageError(f"{trial.path}: states a speed of {speed!r}, which no run has")
     steps = without_gaps(trial.steps)
     if not steps:
-        raise UsageError(f"{trial.path}: there is no tick in it to judge")
+        raise UsageError(f"{trial.path}: contains no tick to judge")
     before = judge_again(steps, wall_timeouts(before_limits, speed))
     after = judge_again(steps, wall_timeouts(limits, speed))
     both = list(zip(before.ticks, after.ticks, strict=False))
@@ -145,19 +145,6 @@ def gate_again(trial: Trial, limits: Limits) -> GateAgain:
     )
 
 
-def limits_of(trial: Trial) -> Limits:
-    """Return the limits that a trial was run with.
-
-    Raises:
-        UsageError: its log does not say them, or they are none.
-    """
-    profile = trial.config.get("profile")
-    limits = profile.get("limits") if isinstance(profile, dict) else None
-    if limits is None:
-        raise UsageError(f"{trial.path}: does not say the robot's limits, by which actions become commands")
-    return parse(Limits, limits, where=f"{trial.path}: limits")
-
-
 def _is_same(trial: Trial, policy: Policy) -> bool | None:
     """Compare digests; a policy without files is the one of its name."""
     logged = trial.config.get("policy_sha256")
@@ -171,29 +158,30 @@ def _notes(
 ) -> list[str]:
     notes = []
     if same is None:
-        notes.append("the log does not say which bundle it was: whether this is the same is not known")
+        notes.append("the log names no digest of its bundle: this one may differ")
     elif not same:
         notes.append(_other(trial, policy))
-        notes.append(
-            "an open loop: it is shown what the logged policy's actions led to, not what its own would have"
-        )
-        rate_hz = _rate_hz(trial)
+        notes.append("an open loop: it sees the results of the logged policy's actions, not of its own")
+        rate_hz = tick_rate_hz(trial.steps)
         if rate_hz and abs(rate_hz - policy.info.rate_hz) > _RATE_TOLERANCE * policy.info.rate_hz:
             notes.append(
                 f"it is made for {policy.info.rate_hz:g} Hz and was asked at the log's {rate_hz:.1f} Hz"
             )
     if replayed.gap is not None:
         notes.append(
-            f"tick {replayed.gap.step}: {replayed.gap.why}; from there on what the policy remembers is not "
-            "known, and nothing can be compared"
+            f"tick {replayed.gap.step}: {replayed.gap.why}; from there on the policy's memory is "
+            "unknown, and nothing can be compared"
         )
     if not trial.complete:
         notes.append("the log was cut short: replayed up to its last whole record")
     if first is not None and same is not False:
         notes += _elsewhere(trial)
+        ran_on = trial.config.get("policy_runs_on", policy.info.runs_on)
+        if ran_on != policy.info.runs_on:
+            notes.append(f"its networks ran on {ran_on} in the trial, and on {policy.info.runs_on} here")
         notes.append(
             "other processors and versions round differently: of golden vectors, differences of up to "
-            f"{GOLDEN_TOLERANCE:g} are let pass"
+            f"{GOLDEN_TOLERANCE:g} are allowed"
         )
     return notes
 
@@ -221,12 +209,3 @@ def _elsewhere(trial: Trial) -> list[str]:
         for name, now in surroundings().items()
         if name in trial.about and trial.about[name] != now
     ]
-
-
-def _rate_hz(trial: Trial) -> float | None:
-    """Return the rate of the trial's ticks, None of a single one."""
-    periods = [
-        (after.t_ns - before.t_ns) / (after.step - before.step) for before, after in pairwise(trial.steps)
-    ]
-    median_ns = statistics.median(periods) if periods else 0
-    return 1e9 / median_ns if median_ns > 0 else None

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 def policy_view(again: PolicyAgain) -> RenderableType:
     """Say whether the answers are the same and, where not, how far they are apart."""
     replayed = again.replayed
-    asked = f"policy {again.name}: {_counted(len(replayed.answers), 'tick')} asked again"
+    asked = f"policy {again.name}: {_counted(len(replayed.answers), 'tick')} re-run"
     idle = f", {replayed.idle} more were too old to act on" if replayed.idle else ""
     verdict = (
         "every action and every z is the same to the bit"
@@ -38,7 +38,7 @@ def policy_view(again: PolicyAgain) -> RenderableType:
         rows = {axis: (AXES[axis], spread) for axis, spread in again.apart.items()}
         if again.context_apart is not None:
             rows["z"] = ("", again.context_apart)
-        parts.append(_table("what it asks for, less what was asked", rows))
+        parts.append(_table("its command less the logged one", rows))
     return Group(*parts, *_notes(again.notes))
 
 
@@ -60,12 +60,15 @@ def gate_view(again: GateAgain) -> RenderableType:
         if judgement.stop is not None:
             parts.append(Text(f"{name}: a stop at tick {judgement.ticks[-1].step}: {judgement.stop}"))
     parts.append(
-        _table("what is sent, less what was", {axis: (AXES[axis], at) for axis, at in again.apart.items()})
+        _table(
+            "sent command less the logged one", {axis: (AXES[axis], at) for axis, at in again.apart.items()}
+        )
     )
     near = ", ".join(f"{axis} {spread.mean:.2g} {AXES[axis]}" for axis, spread in again.agreement.items())
     parts.append(
         Text(
-            f"by its own limits this judgement is off from what was sent by, in the mean: {near or 'nothing'}"
+            "under the trial's own limits this judgement differs from the sent command by, in the "
+            f"mean: {near or 'nothing'}"
         )
     )
     return Group(*parts, *_notes(again.notes))

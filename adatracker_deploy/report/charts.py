@@ -70,7 +70,7 @@ class Curve:
 
 @dataclass(frozen=True, slots=True)
 class Band:
-    """When something held."""
+    """The intervals in which something held."""
 
     name: str
     look: str
@@ -87,7 +87,7 @@ class Stairs:
     corners: Sequence[tuple[float, float]]
     """From where on it has which height."""
     end: float
-    """What is to the right of it is not known."""
+    """The right end of what is known."""
 
 
 @dataclass(frozen=True, slots=True)

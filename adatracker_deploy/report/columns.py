@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from adatracker_deploy.core.task import box_reward
 from adatracker_deploy.runtime.gate.reasons import limited, withheld
-from adatracker_deploy.scoring.metrics import box_reward
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -37,7 +37,7 @@ class Columns:
     """One value a step, shape (T,), T >= 1; float64, NaN where there is none."""
 
     time_s: Floats
-    """When the tick began, from the first one's."""
+    """Start of the tick, from the first one's."""
     period_s: float
     """The usual time between two ticks."""
     reward: Floats
@@ -52,7 +52,7 @@ class Columns:
     limited: Flags
     """The gate changed the command to keep it inside the limits."""
     asked: dict[str, Floats]
-    """What the policy's action asks for, by axis of `AXES`, m/s and rad/s."""
+    """The policy's action as velocities, by axis of `AXES`, m/s and rad/s."""
     sent: dict[str, Floats]
     measured: dict[str, Floats]
     latency_ms: Floats

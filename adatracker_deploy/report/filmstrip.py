@@ -13,9 +13,8 @@ from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.core.mask_png import PALETTE
 from adatracker_deploy.core.messages import MaskClass
 from adatracker_deploy.core.sight import Verdict
-from adatracker_deploy.core.task import DESIRED_DISTANCE_M
+from adatracker_deploy.core.task import DESIRED_DISTANCE_M, box_reward
 from adatracker_deploy.report.chart import BLUE, GAP_PX, GREY, INK, LEFT_PX, PAPER, Chart, text_px, write
-from adatracker_deploy.scoring.metrics import box_reward
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -35,7 +34,7 @@ LABEL_PX = 30
 CHART_PX = 84
 """Height of each chart."""
 OVERLAY = 0.45
-"""How strongly the mask is painted over a frame."""
+"""Opacity of the mask over a frame."""
 
 LOST = (250, 222, 217)
 STALE = (226, 229, 235)
@@ -53,7 +52,7 @@ class Curve:
     low: float
     high: float
     wanted: float
-    """Where the value would best be; drawn as a grey line."""
+    """The desired value; drawn as a grey line."""
 
 
 def film_strip(trial: Trial, frames: int = 8) -> Image:

@@ -19,7 +19,7 @@ LONGEST_TEXT = 500
 SHOWN_EVENTS = 200
 SHOWN_GAPS = 20
 LONGEST_CONFIG = 50_000
-_PLAIN = ("scene", "seed", "target_speed_m_s", "camera", "segmenter", "frames", "speed")
+_PLAIN = ("robot", "scene", "seed", "target_speed_m_s", "camera", "segmenter", "frames", "speed")
 
 
 def events_section(events: Sequence[Event]) -> Html:

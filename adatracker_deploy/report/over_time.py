@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from adatracker_deploy.core.record import BY_HAND
 from adatracker_deploy.report.charts import (
     COLUMNS,
     Band,
@@ -44,6 +45,7 @@ _TARGET_LOOKS = {
     "reacquired": "s-new",
     "coasting": "s-fair",
     "lost": "s-bad",
+    "choosing": "s-b",
     "stale": "s-c",
 }
 _MODE_LOOKS = ("s-a", "s-b", "s-c", "s-d")
@@ -57,7 +59,7 @@ def over_time(report: Report, cols: Columns) -> list[Html]:
     return [
         _timeline(report, cols, span),
         _tracking(cols, span, report.trial.steps),
-        _driving(cols, span),
+        _driving(cols, span, report.trial.steps),
         _health(cols, span),
         _latency(cols, report),
     ]
@@ -73,6 +75,9 @@ def _timeline(report: Report, cols: Columns, span: Span) -> Html:
         Band("kept inside the limits", "s-fair", cols.stretches(cols.limited & ~cols.stopped)),
         Band("command withheld", "s-bad", span.stopped, rare=True),
     ]
+    by_hand = cols.stretches(np.array([step.driver == BY_HAND for step in steps]))
+    by_policy = cols.stretches(np.array([step.driver != BY_HAND for step in steps]))
+    drivers = [Band("policy", "s-a", by_policy, rare=True), Band("hand", "s-b", by_hand)]
     notes = [
         Band(level, look, _at(report.events, level, span.length_s), rare=True)
         for level, look in _LEVEL_LOOKS.items()
@@ -88,6 +93,7 @@ def _timeline(report: Report, cols: Columns, span: Span) -> Html:
                 for name in sorted(target, key=lambda name: name not in _USUAL)
             ],
         ),
+        lane("driver", span, drivers) if by_hand else None,
         lane("gate", span, gate),
         lane(
             "robot's mode",
@@ -155,11 +161,11 @@ def _shades(span: Span) -> Html | None:
     return tag("div", "shaded: ", *keys, class_="keys alone") if keys else None
 
 
-def _driving(cols: Columns, span: Span) -> Html:
-    charts = []
+def _driving(cols: Columns, span: Span, steps: Sequence[StepRecord]) -> Html:
+    charts, by_hand = [], any(step.driver == BY_HAND for step in steps)
     for axis, (name, unit) in _AXES.items():
         curves = [
-            Curve("asked by the policy", "c-asked", cols.asked[axis]),
+            Curve("asked by the driver" if by_hand else "asked by the policy", "c-asked", cols.asked[axis]),
             Curve("sent by the gate", "c-sent", cols.sent[axis]),
             Curve("measured", "c-measured", cols.measured[axis]),
         ]
@@ -184,7 +190,7 @@ def _health(cols: Columns, span: Span) -> Html:
     most_ms = nice_above(max(100.0, _greatest(age_ms)))
     charts = [strip("link age", span, [Curve("", "c-main", age_ms)], 0.0, most_ms, unit="ms")]
     known = cols.battery[np.isfinite(cols.battery)]
-    note = "The robot tells no battery."
+    note = "The robot reports no battery."
     if known.size:
         charts.append(strip("battery", span, [Curve("", "c-main", cols.battery * 100)], 0.0, 100.0, unit="%"))
         note = f"Battery: {known[0]:.0%} at the start, {known[-1]:.0%} at the end."

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 TIME, TICK = "time", "tick"
 _LEVELS = {"warning": "WARN", "fatal": "CRITICAL"}
-"""Where Rerun's names are other than Foxglove's."""
+"""Rerun's names where they differ from Foxglove's."""
 _AXES = tuple(field.name for field in fields(Twist))
 _TWISTS = ("velocity/asked", "velocity/sent", "velocity/measured")
 

@@ -43,6 +43,13 @@ def set_page(reports: Sequence[Report]) -> str:
     )
 
 
+def _name(report: Report) -> str:
+    """Return the name of a trial's folder, after that of a robot that has one of its own."""
+    folder, config = report.trial.path.parent.name, report.trial.config
+    robot = config.get("robot") if isinstance(config, dict) else None
+    return f"{robot}: {folder}" if robot else folder
+
+
 def _counts(outcomes: Sequence[str]) -> Html:
     counted = {outcome: outcomes.count(outcome) for outcome in sorted(set(outcomes))}
     return tiles((outcome.replace("_", " "), str(count), "") for outcome, count in counted.items())
@@ -174,7 +181,7 @@ def _trials(reports: Sequence[Report]) -> Html:
                 figure(row["ar"], 0),
                 figure(row["latency_ms"]["p99"], 0, "ms"),
                 str(row["missed_deadlines"]),
-                tag("code", shortened(report.trial.path.parent.name, _LONGEST_NAME)),
+                tag("code", shortened(_name(report), _LONGEST_NAME)),
             )
         )
     return section("Trials", table(head, rows, class_="trials"), class_="long")

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 LEAST_SHARE = 0.005
-"""Of the ticks, below which a reason for not seeing is not shown."""
+"""Share of the ticks below which a reason for not seeing is not shown."""
 
 
 def trial_page(report: Report, moments: Sequence[Moment]) -> str:
@@ -115,6 +115,13 @@ def _figures(report: Report) -> Html:
         values.insert(4, ("AR", figure(summary["ar"], 1), "by the truth"))
     if summary["sight"]:
         values += _eyes(summary["sight"])
+    taken = summary["takeovers"]
+    if taken["count"]:
+        per = [figure(taken["between_s"], 1, "s")]
+        per += [figure(taken["between_m"], 1, "m")] if taken["between_m"] is not None else []
+        values.append(
+            ("takeovers", f"{taken['count']}", f"one per {' and '.join(per)} of the policy's driving")
+        )
     if summary["stop_s"] is not None:
         values.append(("stop", figure(summary["stop_s"], 2, "s"), "until it stood"))
     return tiles(values)

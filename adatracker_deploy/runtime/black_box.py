@@ -112,7 +112,7 @@ def read_black_box(path: Path) -> tuple[Moment, ...]:
     """
     data = path.read_bytes()
     if not data.startswith(_MAGIC):
-        raise ValueError(f"{path}: is no black box")
+        raise ValueError(f"{path}: is not a black box")
     found: dict[int, Moment] = {}
     for place in range(len(_MAGIC), len(data) - _HEAD.size, _SLOT_BYTES):
         number, length, checksum = _HEAD.unpack_from(data, place)

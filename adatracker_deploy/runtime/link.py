@@ -45,7 +45,7 @@ Level = Literal["info", "warning", "error"]
 
 
 class Phase(enum.StrEnum):
-    """Where the robot is between connect and close."""
+    """The robot's phase between connect and close."""
 
     IDLE = "idle"
     ENGAGING = "engaging"
@@ -75,9 +75,9 @@ class Acted:
     setpoint_ns: int
     """The set-point's own time, which identifies it."""
     judged_ns: int
-    """When the gate had judged it."""
+    """Time at which the gate had judged it."""
     sent_ns: int
-    """When the adapter had taken it: written to a socket, or handed to the adapter's own sender."""
+    """Time at which the adapter had taken it: written to a socket, or handed to the adapter's own sender."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,9 +88,9 @@ class LinkStatus:
     state: PlatformState
     sent: Twist = ZERO
     reasons: tuple[str, ...] = ()
-    """Why that differs from the request, by the names of `gate.Reason`; empty if it does not."""
+    """Reasons for the difference from the request, by the names of `gate.Reason`; empty without one."""
     stopped: str = ""
-    """Why a stop has latched, in words for people; empty without a stop."""
+    """Reason for a latched stop, in words for people; empty without a stop."""
     takeover: bool = False
     """Somebody else has control: see `PlatformState.taken_over`."""
     t_ns: int = 0
@@ -279,7 +279,7 @@ class Link:
                 self._gate = GateState(armed_ns=self._clock.now_ns())
                 self._enter(Phase.ACTIVE)
                 for reason in unmonitored(self._limits, self._platform.state()):
-                    self.note("info", f"{reason} is not watched: the robot does not tell what it needs")
+                    self.note("info", f"{reason} is not monitored: the robot does not report what it needs")
                 return
         self.disengage(error or "")
 

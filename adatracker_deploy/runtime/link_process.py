@@ -29,6 +29,7 @@ from adatracker_deploy.runtime.mailbox import Mailbox
 from adatracker_deploy.runtime.pacer import Pacer
 from adatracker_deploy.runtime.pulse import LINK_LOST, Pulse
 from adatracker_deploy.runtime.scheduling import LINK_PRIORITY, ORDINARY, Scheduling
+from adatracker_deploy.runtime.service_watchdog import ServiceWatchdog
 from adatracker_deploy.runtime.wire import (
     SETPOINT_BYTES,
     STATUS_BYTES,
@@ -116,10 +117,15 @@ class LinkProcess:
         self._ask("engage", "")
 
     def send(
-        self, twist: Twist, now_ns: int, target_share: float | None = None, seen_ns: int | None = None
+        self,
+        twist: Twist,
+        now_ns: int,
+        target_share: float | None = None,
+        seen_ns: int | None = None,
+        held_until_ns: int | None = None,
     ) -> None:
         """Publish a set-point; never blocks."""
-        self._setpoints.write(pack_setpoint(Setpoint(twist, now_ns, target_share, seen_ns)))
+        self._setpoints.write(pack_setpoint(Setpoint(twist, now_ns, target_share, seen_ns, held_until_ns)))
 
     def hold(self, reason: str) -> None:
         """Request a latched stop."""
@@ -245,10 +251,13 @@ def _main(  # noqa: PLR0917 -- what a new process is given comes by position
     gc.freeze()  # a full collection of a warm process takes longer than a slot
     outbox.write(pack_status(link.status))
     _tell(pipe, "connected", checks)
+    watchdog = ServiceWatchdog()
+    watchdog.begin()
     try:
-        _serve(link, Pacer(clock, RATE_HZ), pipe, inbox=inbox, outbox=outbox, terminated=terminated)
+        _serve(link, Pacer(clock, RATE_HZ), pipe, watchdog, inbox=inbox, outbox=outbox, terminated=terminated)
     finally:
         platform.close()
+        watchdog.rest()
 
 
 def wall_timeouts(limits: Limits, speed: float) -> Limits:
@@ -268,6 +277,7 @@ def _serve(
     link: Link,
     pacer: Pacer,
     pipe: Connection,
+    watchdog: ServiceWatchdog,
     *,
     inbox: Mailbox,
     outbox: Mailbox,
@@ -308,6 +318,7 @@ def _serve(
             link.disengage("link_fault")
             status = link.status
         tell(status)
+        watchdog.feed()
     tell(link.status)  # it may have ended since the last step
     if box is not None:
         box.close()

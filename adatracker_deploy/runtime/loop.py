@@ -6,15 +6,18 @@ import contextlib
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
 
+import numpy as np
+
 from adatracker_deploy.config.limits import Limits
-from adatracker_deploy.core.messages import ZERO, Twist
-from adatracker_deploy.core.record import Latency, Outcome, StepRecord
+from adatracker_deploy.core.messages import ZERO, TargetState, Twist
+from adatracker_deploy.core.record import BY_HAND, BY_POLICY, Latency, Outcome, StepRecord
 from adatracker_deploy.core.task import MAX_LOST_STEPS, target_visible
 from adatracker_deploy.policy.base import STALE_OBSERVATION_S, NoAnswer, Policy, to_twist
 from adatracker_deploy.runtime.link import LinkStatus, Phase
 from adatracker_deploy.runtime.pacer import Pacer, Tick
 from adatracker_deploy.runtime.phase import WAIT, earlier_s
 from adatracker_deploy.runtime.pulse import LINK_LOST
+from adatracker_deploy.runtime.teleop.takeover import HAND_ACTION, Wish
 from adatracker_deploy.runtime.trace import Handed, Trace
 from adatracker_deploy.runtime.unseen import Unseen
 
@@ -33,14 +36,23 @@ for want of commands, and what has begun to stop does not go on by itself."""
 BLIND_S = 2.0
 """Without an observation and an answer fresh enough to act on for this long the trial ends. Machine time."""
 
+BY_NOBODY = Wish(False)
+"""No hand drives."""
+
 
 class Commands(Protocol):
     """The loop's side of a link."""
 
     def send(
-        self, twist: Twist, now_ns: int, target_share: float | None = None, seen_ns: int | None = None
+        self,
+        twist: Twist,
+        now_ns: int,
+        target_share: float | None = None,
+        seen_ns: int | None = None,
+        held_until_ns: int | None = None,
     ) -> None:
-        """Publish a set-point, with the share of the image that the target covers and when it was seen."""
+        """Publish a set-point, with the share of the image that the target covers, when it was seen, and
+        until when a dead-man button counts as held."""
 
     def status(self) -> LinkStatus | None:
         """Return what the link did last."""
@@ -49,9 +61,16 @@ class Commands(Protocol):
         """Tell whether the link still runs."""
 
 
+class Operator(Protocol):
+    """The loop's side of an operator's hand."""
+
+    def at(self, t_ns: int) -> Wish:
+        """Return whether the hand drives at a tick, and what it asks for; times never run backwards."""
+
+
 @dataclass(frozen=True, slots=True)
 class Ending:
-    """How a trial ended."""
+    """The end of a trial."""
 
     outcome: Outcome
     reason: str = ""
@@ -69,9 +88,14 @@ class Loop:
     clock: Clock
     write: Callable[[StepRecord, Seen], None]
     """Takes every tick's record, once the link has answered; must not block."""
+    operator: Operator | None = None
+    """Can take over from the policy, which is asked all the same: what it remembers follows what is seen."""
 
     def run(self, steps: int) -> Ending:
         """Run at the policy's rate until the trial ends.
+
+        Where the operator has chosen another target that has not been seen yet, the policy is not asked, and
+        zero is commanded.
 
         The first tick's box is the reference that scoring measures against, so a whole trial has
         `steps` + 1 ticks, numbered from 0. A tick is written when the link has said what became of its
@@ -102,13 +126,20 @@ class Loop:
                 return ending
             pacer.shift(earlier_s(seen, slot_ns, period_s))
             stale = self._age_s(tick, seen.frame.t_ns) > STALE_OBSERVATION_S
-            action, infer_ms = (None, 0.0) if stale else self._act(tick, seen, status)
+            chooses = not stale and seen.observation.target is TargetState.CHOOSING
+            action, infer_ms = (None, 0.0) if stale or chooses else self._act(tick, seen, status)
             if action:
                 acted_on_ns = action.answer.t_ns if action.answer else seen.frame.t_ns
-            command = to_twist(action.values, self.policy.info.action, self.limits) if action else ZERO
             box = seen.observation.box if action else None
-            seen_ns = seen.frame.t_ns if stale else acted_on_ns  # a late policy is as blind as a late camera
-            self.link.send(command, tick.t_ns, box.area if box else None, seen_ns)
+            hand = self.operator.at(tick.t_ns) if self.operator else BY_NOBODY
+            if hand.drives:  # by the operator's own eyes: no frame is too old for that
+                command = to_twist(np.array(hand.values), HAND_ACTION, self.limits) if hand.values else ZERO
+                seen_ns = None
+            else:
+                command = to_twist(action.values, self.policy.info.action, self.limits) if action else ZERO
+                # A late policy is as blind as a camera.
+                seen_ns = seen.frame.t_ns if stale or chooses else acted_on_ns
+            self.link.send(command, tick.t_ns, box.area if box else None, seen_ns, hand.held_until_ns)
             handed_ns = self.clock.now_ns()
             record = _record(
                 step=step,
@@ -116,17 +147,21 @@ class Loop:
                 seen=seen,
                 status=status,
                 action=action,
+                stale=action is None and not chooses,
+                hand=hand,
                 command=command,
                 latency=_latency(tick, seen, infer_ms, handed_ns, action.answer if action else None),
                 missed_deadlines=pacer.missed,
             )
             trace.hand_over(record, seen, handed_ns)
             self._write(trace.settled(status))
-            if action:
+            if action or chooses:
                 fresh_ns = tick.t_ns
                 unseen.add(seen)
             elif ending := self._unanswered(tick, fresh_ns):
                 return ending
+            if hand.drives:
+                unseen = Unseen()  # whoever drives there may well have lost sight of the target
             if ending := _result(unseen, seen):
                 return ending
         return Ending("completed")
@@ -224,23 +259,27 @@ def _record(
     seen: Seen,
     status: LinkStatus,
     action: Action | None,
+    stale: bool,
+    hand: Wish,
     command: Twist,
     latency: Latency,
     missed_deadlines: int,
 ) -> StepRecord:
-    """Put one tick down as it is before the link has acted; without an action it was stale."""
+    """Put one tick down as it is before the link has acted."""
     observation, truth, state = seen.observation, seen.frame.truth, status.state
     sight = seen.sight
     return StepRecord(
         step=step,
         t_ns=tick.t_ns,
         frame_seq=observation.seq,
-        stale=action is None,
+        stale=stale,
         box=observation.box if action else None,
         confidence=observation.confidence if action else 0.0,
         action=tuple(map(float, action.values)) if action else (),
         context=tuple(map(float, action.context)) if action and action.context is not None else (),
         command=command,
+        driver=BY_HAND if hand.drives else BY_POLICY,
+        hand=hand.values,
         mode=state.mode,
         pose=state.pose,
         velocity=state.velocity,
@@ -252,6 +291,7 @@ def _record(
         mask_iou=sight.mask_iou if sight else None,
         true_box=sight.true_box if sight else None,
         target=observation.target.value if observation.target else None,
+        picks=observation.pick.taken if observation.pick else None,
         distance_m=truth.distance_m if truth else None,
         bearing_rad=truth.bearing_rad if truth else None,
         target_visible=target_visible(truth.distance_m, truth.bearing_rad, observation.box is not None)

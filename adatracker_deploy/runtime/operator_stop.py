@@ -14,6 +14,7 @@ import threading
 from typing import TYPE_CHECKING
 
 from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.runtime.lost_terminal import let_go
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -30,15 +31,19 @@ class StopRequest:
 
     Args:
         on_first: called in the signal handler at the first request.
+        outlives_terminal: a lost terminal does not stop the run.
     """
 
-    def __init__(self, on_first: Callable[[], None] = lambda: None) -> None:
+    def __init__(
+        self, on_first: Callable[[], None] = lambda: None, *, outlives_terminal: bool = False
+    ) -> None:
         self.asked = False
         """A stop has been requested."""
+        self.outlives_terminal = outlives_terminal
         self._on_first = on_first
         self._in_trial = False
         self._only_remembers = False
-        self._terminals = [number for number in (1, 2) if os.isatty(number)]
+        self._terminals = tuple(number for number in (1, 2) if os.isatty(number))
 
     @contextlib.contextmanager
     def listening(self) -> Iterator[None]:
@@ -73,8 +78,10 @@ class StopRequest:
         finally:
             self._only_remembers = self._in_trial
 
-    def _hear(self, *_: object) -> None:
-        self._let_go_of_lost_terminals()
+    def _hear(self, number: int, _: object) -> None:
+        let_go(self._terminals)
+        if number == signal.SIGHUP and self.outlives_terminal:
+            return
         if not self.asked:
             self.asked = True
             self._on_first()
@@ -82,37 +89,31 @@ class StopRequest:
             self._only_remembers = self._in_trial
             raise KeyboardInterrupt
 
-    def _let_go_of_lost_terminals(self) -> None:
-        """Redirect output to nowhere: with a lost terminal every line would be an error."""
-        for number in self._terminals:
-            if not os.isatty(number):
-                nowhere = os.open(os.devnull, os.O_WRONLY)
-                os.dup2(nowhere, number)
-                os.close(nowhere)
-
 
 @contextlib.contextmanager
-def heard(stop_fd: int | None) -> Iterator[bool]:
+def heard(stop_fd: int | None, *, outlives_terminal: bool = False, terminal: bool = True) -> Iterator[bool]:
     """Interrupt this process, as Ctrl-C does, on an operator's stop; yield whether Enter counts.
 
-    Enter counts in a terminal. `stop_fd` stops the run when anything can be read from it, or when its other
-    end is closed: a hook that died stops the robot.
+    Enter counts in a terminal, unless not `terminal`: its keys are read elsewhere then. `stop_fd` stops the
+    run when anything can be read from it, or when its other end is closed: a hook that died stops the robot.
+    So does a terminal that hangs up, unless `outlives_terminal`.
 
     Raises:
         UsageError: `stop_fd` is not open for reading.
     """
     watched = [] if stop_fd is None else [_readable(stop_fd)]
-    terminal = sys.stdin.fileno() if in_terminal() else None
-    if terminal is not None:
-        watched.append(terminal)
+    typed = sys.stdin.fileno() if terminal and in_terminal() else None
+    if typed is not None:
+        watched.append(typed)
     if not watched:
         yield False
         return
     end, ender = os.pipe()
-    watcher = threading.Thread(target=_watch, args=(watched, end), name="operator", daemon=True)
+    spared = typed if outlives_terminal else None
+    watcher = threading.Thread(target=_watch, args=(watched, end, spared), name="operator", daemon=True)
     watcher.start()
     try:
-        yield terminal is not None
+        yield typed is not None
     finally:
         os.close(ender)
         watcher.join()
@@ -138,11 +139,17 @@ def in_terminal() -> bool:
         return False
 
 
-def _watch(watched: list[int], end: int) -> None:
-    ready, _, _ = select.select([*watched, end], [], [])
-    if end in ready:
+def _watch(watched: list[int], end: int, spared: int | None) -> None:
+    """Interrupt this process when one of `watched` says so; `spared` may hang up."""
+    while True:
+        ready, _, _ = select.select([*watched, end], [], [])
+        if end in ready:
+            return
+        if spared is not None and ready == [spared] and not os.isatty(spared):
+            watched.remove(spared)
+            continue
+        for number in ready:
+            if os.isatty(number):
+                os.read(number, 4096)  # otherwise the shell would receive the line
+        os.kill(os.getpid(), signal.SIGINT)
         return
-    for number in ready:
-        if os.isatty(number):
-            os.read(number, 4096)  # otherwise the shell would receive the line
-    os.kill(os.getpid(), signal.SIGINT)

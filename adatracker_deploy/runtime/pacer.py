@@ -17,7 +17,7 @@ class Tick:
     t_ns: int
     """The current time."""
     lateness_s: float
-    """How late the slot began after its deadline; at most half a period, unless patience ran out."""
+    """Delay of the slot's start after its deadline; at most half a period, unless patience ran out."""
     skipped: int
     """Slots missed since the previous tick."""
 

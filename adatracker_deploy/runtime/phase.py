@@ -12,12 +12,12 @@ GAIN = 0.5
 MOST = 0.02
 """By how much of a period one slot may be moved: so the rate is kept within two per cent, whatever comes."""
 WAIT = 0.15
-"""How much of a period a tick may wait in its slot for an observation that is due. Perception's time varies:
+"""Share of a period that a tick may wait in its slot for a due observation. Perception's time varies:
 without the wait, every third tick acted on the observation before, a whole camera's period older."""
 
 
 def earlier_s(seen: Seen, slot_ns: int, period_s: float) -> float:
-    """Return by how much sooner the next slot should begin, s; below 0 later; 0 where it cannot be told.
+    """Return by how much sooner the next slot should begin, s; below 0 later; 0 where it is unknown.
 
     Where the rate of observations is a multiple of the loop's, or nearly one, slots settle where half of the
     observations are ready and the others are waited for. At other rates the corrections cancel out.

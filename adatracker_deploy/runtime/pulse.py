@@ -19,7 +19,7 @@ class Pulse:
     """The last value written: anything that changes with each write."""
     looked_s: float = 0.0
     silent_s: float = 0.0
-    """How long nothing new has been seen."""
+    """Time without a new value."""
 
     def look(self, beat: int | None, now_s: float) -> Pulse:
         """Take the value read at `now_s`, machine time."""

@@ -13,13 +13,18 @@ import stat
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from adatracker_deploy.core.errors import UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 PLACE_VARIABLE = "ADATRACKER_RUN_DIR"
 """Environment variable that names another folder; trials there are found only with the same setting."""
 _STOPPING = "stopping"
 _LOGGING = "log "
+_NAMED = "name "
 _BEGAN = 19
 """Index of the start time among the fields after the name in /proc/PID/stat (proc(5), field 22)."""
 _FOLDER = "adatracker-deploy-"
@@ -41,14 +46,16 @@ class Running:
     """The user who owns the process."""
     log: str = ""
     """Its trial's log folder; empty before there is one."""
+    name: str = ""
+    """The ``--name`` argument; empty without one."""
 
     def alive(self) -> bool:
         """Return whether it still runs."""
         return _began(self.pid) == self.began
 
     def is_meant(self, selector: str) -> bool:
-        """Return whether a name means this trial: platform, process number, or log folder (path or name)."""
-        known = {str(self.pid), *self.platforms.split(",")}
+        """Return whether this trial is meant: by name, platform, process, or log folder (path or name)."""
+        known = {str(self.pid), *self.platforms.split(",")} | ({self.name} if self.name else set())
         if self.log:
             known |= {self.log, Path(self.log).name, str(Path(self.log).resolve())}
         return selector in known or str(Path(selector).resolve()) in known
@@ -71,9 +78,11 @@ def folder() -> Path:
 class Announcement:
     """This process's own file."""
 
-    def __init__(self, platforms: str) -> None:
+    def __init__(self, platforms: str, name: str = "") -> None:
         self._path = folder() / str(os.getpid())
         self._path.write_text(f"{_began(os.getpid())}\n{platforms}\n")
+        if name:
+            self._say(f"{_NAMED}{name}")
 
     def logging(self, log: Path) -> None:
         """Announce the current trial's log folder."""
@@ -107,7 +116,7 @@ def _running_in(place: Path) -> list[Running]:
     for path in sorted(place.iterdir()):
         with contextlib.suppress(OSError, ValueError):
             began, platforms, *said = path.read_text().splitlines()
-            logs = [line.removeprefix(_LOGGING) for line in said if line.startswith(_LOGGING)]
+            logs, names = _said(said, _LOGGING), _said(said, _NAMED)
             one = Running(
                 pid=int(path.name),
                 began=began,
@@ -115,6 +124,7 @@ def _running_in(place: Path) -> list[Running]:
                 stopping=_STOPPING in said,
                 user=int(user),
                 log=logs[-1] if logs else "",
+                name=names[-1] if names else "",
             )
             # A file may name any process; believe it only if the process belongs to the file's user.
             if one.alive() and Path(f"/proc/{one.pid}").stat().st_uid == one.user:
@@ -122,6 +132,10 @@ def _running_in(place: Path) -> list[Running]:
             elif one.user == os.getuid():
                 path.unlink()
     return found
+
+
+def _said(lines: Sequence[str], what: str) -> list[str]:
+    return [line.removeprefix(what) for line in lines if line.startswith(what)]
 
 
 def _place() -> Path:

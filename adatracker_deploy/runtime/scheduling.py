@@ -36,12 +36,13 @@ BESIDE_PRIORITY = 20
 """SCHED_FIFO priorities, 1 to 99: the link, the loop, and the threads that share its interpreter. Interrupts
 have 50."""
 MEND = "a line `USER - rtprio 50` in /etc/security/limits.d/rt.conf, then log in again"
-"""How to allow a user real-time priority."""
+"""Instructions for allowing a user real-time priority."""
 LATENCY_FILE = Path("/dev/cpu_dma_latency")
 """While held open, sets the longest wake-up time of any core, in microseconds, as a 32-bit integer
 (docs.kernel.org/power/pm_qos_interface.html)."""
-MEND_AWAKE = f'KERNEL=="{LATENCY_FILE.name}", GROUP="realtime", MODE="0660" in a file in /etc/udev/rules.d'
-"""How to allow a group of users to keep cores awake."""
+MEND_AWAKE_RULE = f'KERNEL=="{LATENCY_FILE.name}", GROUP="realtime", MODE="0660"'
+MEND_AWAKE = f"{MEND_AWAKE_RULE} in a file in /etc/udev/rules.d"
+"""Instructions for allowing a group of users to keep cores awake."""
 
 _POLICIES = {os.SCHED_OTHER: "ordinary priority", os.SCHED_FIFO: "SCHED_FIFO", os.SCHED_RR: "SCHED_RR"}
 _PART = re.compile(r"(\d{1,5})(?:-(\d{1,5}))?", re.ASCII)

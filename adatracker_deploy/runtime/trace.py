@@ -29,7 +29,7 @@ class Handed(NamedTuple):
     """The record before the link has acted; its `t_ns` identifies the set-point."""
     seen: Seen
     handed_ns: int
-    """When the link could read the set-point."""
+    """Time from which the link could read the set-point."""
 
 
 class Trace:

@@ -1,4 +1,4 @@
-"""Why the target is not seen, for the reason that a trial gives for its end."""
+"""Counts why the target is not seen, for the reason that a trial gives for its end."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Unseen:
 
     @property
     def steps(self) -> int:
-        """How many there are."""
+        """Number of those steps."""
         return self._causes.total()
 
     def add(self, seen: Seen) -> None:

@@ -19,14 +19,17 @@ _LONGEST_TEXT = 200
 def pack_setpoint(setpoint: Setpoint) -> bytes:
     """Encode a set-point; NaN and infinities survive, so that the gate sees them."""
     return json.dumps(
-        [setpoint.t_ns, setpoint.target_share, setpoint.seen_ns, *dataclasses.astuple(setpoint.twist)]
+        [
+            *(setpoint.t_ns, setpoint.target_share, setpoint.seen_ns, setpoint.held_until_ns),
+            *dataclasses.astuple(setpoint.twist),
+        ]
     ).encode()
 
 
 def unpack_setpoint(message: bytes) -> Setpoint:
     """Decode a set-point."""
-    t_ns, target_share, seen_ns, *twist = json.loads(message)
-    return Setpoint(Twist(*twist), t_ns, target_share, seen_ns)
+    t_ns, target_share, seen_ns, held_until_ns, *twist = json.loads(message)
+    return Setpoint(Twist(*twist), t_ns, target_share, seen_ns, held_until_ns)
 
 
 def pack_status(status: LinkStatus) -> bytes:

@@ -46,14 +46,14 @@ _SEPARATORS = re.compile(r"[,;\s]+")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BoxOptions:
-    """What a box file does not say itself."""
+    """The facts that a box file does not state itself."""
 
     image_size: tuple[int, int] | None = None
     """Width and height, px; None where a seqinfo.ini says it, or `usual_size` is to be taken."""
     absent: Path | None = None
     """A file of flags, 0 or 1 for each box: at 1 the target is not in sight."""
     target: int | None = None
-    """Whose boxes to score, of a MOT file with several ids."""
+    """Id of the boxes to score, in a MOT file with several ids."""
     rate_hz: float | None = None
     """Boxes a second; None where a seqinfo.ini says it, or nobody knows."""
 
@@ -63,7 +63,7 @@ class BoxTrack:
     """A target's boxes, one a tick; None where it is not seen."""
 
     boxes: tuple[Box | None, ...]
-    """Normalised. A line that is no box (NaN, a negative size) is here as it stands, for scoring to tell."""
+    """Normalised. An invalid box (NaN, a negative size) is kept as it stands, for scoring to count."""
     rate_hz: float | None
     assumed_size: tuple[int, int] | None = None
     """Width and height, px, where nobody said them and `usual_size` was taken."""

@@ -38,7 +38,7 @@ _TESTS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Difference:
-    """How much B's mean exceeds A's in one metric."""
+    """The difference of B's mean from A's in one metric."""
 
     metric: str
     """mr, el, sr or ar."""
@@ -56,7 +56,7 @@ class Difference:
 
     @property
     def words(self) -> str:
-        """What may be said of it, in a sentence."""
+        """The conclusion, in a sentence."""
         name, digits = self.metric.upper(), 1 if self.unit == "s" else DIGITS[self.metric]
         p = f"p = {self.test.p:.2g}, {'' if self.test.exact else 'sampled '}{_TESTS[self.method]}"
         n = str(self.counts[0]) if len(set(self.counts)) == 1 else f"{self.counts[0]} and {self.counts[1]}"
@@ -83,7 +83,7 @@ class Comparison:
     differences: tuple[Difference, ...]
     paired: bool
     notes: tuple[str, ...]
-    """What a reader must know before believing them."""
+    """Caveats for the reader."""
 
 
 def compare(
@@ -150,7 +150,7 @@ def _rates_differ(summaries: Sequence[Summary]) -> str:
     if not known:
         return ""
     if len(known) < len(rates):
-        return f"{min(known):.1f} Hz and unknown: say it with --rate HZ"
+        return f"{min(known):.1f} Hz and unknown: give it with --rate HZ"
     slow, fast = min(known), max(known)
     return f"{slow:.1f} to {fast:.1f} Hz" if fast > slow * (1 + RATE_TOLERANCE) else ""
 
@@ -161,7 +161,7 @@ def _columns(summaries: Sequence[Summary], *, in_seconds: bool) -> dict[str, lis
         unknown = [row["trial"] for row in summaries if row["el"] and row.get("seconds") is None]
         if unknown:
             raise UsageError(
-                f"{unknown[0]}: its rate is not known, so EL has no seconds: say it with --rate HZ"
+                f"{unknown[0]}: its rate is not known, so EL has no seconds: give it with --rate HZ"
             )
         columns["el"] = [row.get("seconds") or 0.0 for row in summaries]
     return columns
@@ -204,7 +204,7 @@ def _pairs(ours: Sequence[Summary], theirs: Sequence[Summary], pairing: Pairing)
 
 
 def _episode(row: Summary) -> Hashable | None:
-    """What a rehearsal was dealt, by which its partner is found; None for everything else."""
+    """The random draw of a rehearsal, by which its partner is found; None for everything else."""
     if not row.get("episode"):
         return None
     return (
@@ -237,5 +237,5 @@ def _notes(ours: Sequence[Summary], theirs: Sequence[Summary], different: str) -
             f"{len(theirs)} of B: how much longer they would have lasted is not known"
         )
     if min(len(ours), len(theirs)) == 1:
-        notes.append("a single trial says nothing of what another would do: no interval")
+        notes.append("a single trial gives no interval")
     return tuple(notes)

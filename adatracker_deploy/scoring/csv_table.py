@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 COLUMNS = (
     "trial", "platform", "policy", "outcome", "mr", "mr_visible", "visibility", "el", "steps", "seconds",
     "rate_hz", "ar", "missed_deadlines", "bad_boxes", "reason", "recorded_outcome",
-    "stale", "timing_kept", "counted",
+    "stale", "timing_kept", "counted", "takeovers", "between_s", "between_m",
 )  # fmt: skip
 """Keys of a trial's summary; what a trial does not have is empty."""
 
@@ -24,5 +24,18 @@ def csv_table(summaries: Sequence[Summary]) -> str:
     out = io.StringIO()
     writer = csv.DictWriter(out, COLUMNS, extrasaction="ignore", lineterminator="\n")
     writer.writeheader()
-    writer.writerows(summaries)
+    writer.writerows(_flat(row) for row in summaries)
     return out.getvalue()
+
+
+def _flat(row: Summary) -> Summary:
+    """Return a row with the takeovers' count and rates as its own."""
+    taken = row.get("takeovers")
+    if not taken:
+        return row
+    return {
+        **row,
+        "takeovers": taken["count"],
+        "between_s": taken["between_s"],
+        "between_m": taken["between_m"],
+    }

@@ -115,7 +115,7 @@ def _summary(file: Path) -> Mapping[str, Any] | None:
 
 
 def _normal(started: str) -> str:
-    """Return a time as UTC to the second, or as it is where it is none."""
+    """Return a time as UTC to the second, or unchanged if it is not a time."""
     try:
         return _utc(datetime.fromisoformat(started).timestamp())
     except (ValueError, OverflowError):

@@ -4,7 +4,7 @@ Source: AdaTracker, section "Experimental Setup" (task setting, evaluation metri
 
 * The paper sums R from t = 0 to L and divides by L, so that a perfect trial would exceed 1 and the reference
   box would score itself. Here the step that gives the reference is left out: L + 1 ticks give L scored steps.
-* A step whose newest frame was too old to act on (stale) is no measurement: it is neither seen nor lost, and
+* A step whose newest frame was too old to act on (stale) does not count: it is neither seen nor lost, and
   one step fewer in MR. How many there were is said.
 * A step that looked and found no box has R = 0. Leaving lost steps out would turn a trial that sees its
   target for one tenth of the time into a good one; what it would say is reported beside it, as `mr_visible`
@@ -20,7 +20,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-from adatracker_deploy.core.task import MAX_LOST_STEPS, step_reward
+from adatracker_deploy.core.task import MAX_LOST_STEPS, box_reward, is_box, step_reward
 from adatracker_deploy.scoring.stats.running import RunningSum
 
 if TYPE_CHECKING:
@@ -29,16 +29,9 @@ if TYPE_CHECKING:
     from adatracker_deploy.core.messages import Box
 
 
-def box_reward(box: Box, reference: Box) -> float:
-    """Return R = 1 / (1 + |c - c_ref| + |(w, h) - (w, h)_ref|), L2 norms of normalised boxes; in (0, 1]."""
-    centre = math.hypot(box.cx - reference.cx, box.cy - reference.cy)
-    size = math.hypot(box.w - reference.w, box.h - reference.h)
-    return 1.0 / (1.0 + centre + size)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rules:
-    """How to score; the defaults are this toolkit's."""
+    """The rules of scoring; the defaults are this toolkit's."""
 
     max_lost_steps: int = MAX_LOST_STEPS
     """So many lost steps in a row end a trial; at least 1. The published simulator's code says 51."""
@@ -49,7 +42,7 @@ class Rules:
 
 
 class ScorableStep(Protocol):
-    """What scoring needs of a tick; `StepRecord` and `ScoredStep` have it."""
+    """The fields of a tick that scoring needs; `StepRecord` and `ScoredStep` have them."""
 
     @property
     def step(self) -> int:
@@ -97,18 +90,13 @@ class Score:
     stale: int = 0
     """Ticks whose newest frame was too old to act on."""
     bad_boxes: int = 0
-    """Boxes that are none (not finite, without a size), counted as lost."""
-
-
-def is_box(box: Box) -> bool:
-    """Return whether a box has finite numbers and a size."""
-    return box.w > 0 and box.h > 0 and math.isfinite(box.cx + box.cy + box.w + box.h)
+    """Invalid boxes (not finite, without a size), counted as lost."""
 
 
 class Scorer:
     """Scores a trial tick by tick, in the same memory however long it lasts.
 
-    The first box is the reference. Ticks before it count as lost, and so does a box that is none. Ticks after
+    The first box is the reference. Ticks before it count as lost, and so do invalid boxes. Ticks after
     the end of the trial, by the rule of lost steps, do not count at all. Stale ticks neither end a run of
     lost steps nor lengthen it.
     """

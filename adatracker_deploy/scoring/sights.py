@@ -1,4 +1,4 @@
-"""What a trial's eyes were worth, by the truth that a virtual world knows of each picture."""
+"""Scores of a trial's perception, by the truth that a virtual world knows of each picture."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 from adatracker_deploy.core.sight import Verdict
-from adatracker_deploy.scoring.metrics import Scorer, is_box
+from adatracker_deploy.core.task import is_box
+from adatracker_deploy.scoring.metrics import Scorer
 from adatracker_deploy.scoring.stats.running import RunningQuantiles, RunningSum
 
 if TYPE_CHECKING:

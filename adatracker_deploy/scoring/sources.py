@@ -35,7 +35,7 @@ def find_sources(path: Path) -> list[Path]:
 
 
 def find_box_files(path: Path) -> list[Path]:
-    """Return a file itself, or the box files in a folder and below it, sorted; flags of absence are none.
+    """Return a file itself, or the box files in a folder and below it, sorted; flags of absence are left out.
 
     Raises:
         UsageError: there is none.

@@ -23,7 +23,7 @@ STAGES = {
     "send": "the robot's adapter",
     "sensor_to_wire": "all of it, from capture to sent",
 }
-"""What each stage is, in the order of the way; names are the fields of `Latency` without their unit."""
+"""The stages from camera to wire, in order; names are the fields of `Latency` without their unit."""
 
 FAR_STAGES = {
     "queue": "until the observation is sent",

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from adatracker_deploy.scoring.metrics import DEFAULT_RULES, Rules, score_boxes
 from adatracker_deploy.scoring.stats.intervals import mean_estimate, mean_std, share_estimate
 from adatracker_deploy.scoring.stats.survival import kaplan_meier, median_duration
+from adatracker_deploy.scoring.takeovers import together
 from adatracker_deploy.scoring.tally import Summary, Tally
-from adatracker_deploy.trial.marks import holding, said
+from adatracker_deploy.trial.ending import ending, recorded_outcome
+from adatracker_deploy.trial.marks import said
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Sequence
     from pathlib import Path
 
-    from adatracker_deploy.core.record import ScoredStep, StepRecord
     from adatracker_deploy.scoring.box_file import BoxTrack
     from adatracker_deploy.trial.reader import ScoredTrial, Trial
 
@@ -27,22 +28,14 @@ def summarise_log(trial: Trial | ScoredTrial, rules: Rules = DEFAULT_RULES) -> S
     what a rehearsal was dealt; trials of equal episodes can be compared in pairs. An outcome that the
     operator marked holds instead of `recorded_outcome`, and the trial ends when the mark says that it did.
     """
-    ended: Mapping[str, Any] = trial.summary or {
-        "outcome": "system_fault",
-        "reason": "the log ends without a summary: the run was killed, or its disk ran full",
-    }
-    outcome, reason, steps = ended["outcome"], ended.get("reason", ""), trial.steps
-    if held := holding(trial.marks):
-        outcome, mark = held
-        reason = mark.note or "marked by the operator"
-        steps = steps[: _ticks_until(steps, mark.since_s)]
-    summary = Tally(steps, rules).summary(
+    outcome, reason, ticks = ending(trial)
+    summary = Tally(trial.steps[:ticks], rules).summary(
         platform=trial.platform,
         policy=trial.policy,
         outcome=outcome,
         reason=reason,
         steps=trial.planned_steps,
-        stop_s=ended.get("stop_s"),
+        stop_s=trial.summary.get("stop_s") if trial.summary else None,
         trial=trial.path.parent,
     )
     dealt = {key: trial.config.get(key) for key in ("seed", "scene", "target_speed_m_s")}
@@ -51,7 +44,7 @@ def summarise_log(trial: Trial | ScoredTrial, rules: Rules = DEFAULT_RULES) -> S
         "kind": trial.kind,
         "episode": dealt if trial.kind == "sitl" and dealt["seed"] is not None else None,
         "complete": trial.complete,
-        "recorded_outcome": ended["outcome"],
+        "recorded_outcome": recorded_outcome(trial),
         "marks": [said(mark) for mark in trial.marks],
     }
 
@@ -100,7 +93,8 @@ def statistics_of(summaries: Sequence[Summary]) -> Summary:
     Trials that are not `counted` are left out, and their number is `left_out`; where none is left, means are
     None. Intervals are Student's, SR's is Wilson's; a bound that does not exist is None. `outcomes` counts,
     `censored` says how many trials reached the horizon, so that their EL is a lower bound, and `survival` is
-    the Kaplan-Meier curve of EL, by its falls, with its median where it reaches one half.
+    the Kaplan-Meier curve of EL, by its falls, with its median where it reaches one half. `takeovers` puts
+    theirs together.
     """
     left_out = len(summaries)
     summaries = counted(summaries)
@@ -125,6 +119,7 @@ def statistics_of(summaries: Sequence[Summary]) -> Summary:
         ],
         "median_el": median_duration(falls),
         "left_out": left_out,
+        "takeovers": together(row["takeovers"] for row in summaries if row.get("takeovers")),
     }
 
 
@@ -136,6 +131,7 @@ _NOTHING: Summary = {
     "censored": 0,
     "survival": [],
     "median_el": None,
+    "takeovers": None,
 }
 
 
@@ -170,10 +166,3 @@ def by_method(summaries: Iterable[Summary]) -> dict[tuple[str | None, str | None
     for row in summaries:
         groups.setdefault((row["platform"], row["policy"]), []).append(row)
     return groups
-
-
-def _ticks_until(steps: Sequence[StepRecord | ScoredStep], since_s: float | None) -> int:
-    """Count the ticks of a trial's first `since_s` seconds; all of them for None."""
-    if since_s is None:
-        return len(steps)
-    return sum(step.t_ns <= steps[0].t_ns + since_s * 1e9 for step in steps)

@@ -83,6 +83,8 @@ def summary_table(summaries: Sequence[Summary]) -> RenderableType:
         ]
         name = f"{platform or '-'}, {policy or '-'}: " if len(methods) > 1 else ""
         endings.append(Text(f"  {name}{ending_text(found, len(group))}"))
+        if found["takeovers"] and found["takeovers"]["count"]:
+            endings.append(Text(f"  {name}{takeover_text(found['takeovers'])}"))
     logs = [Text(f"  {number:3d}  {row['trial']}") for number, row in enumerate(summaries, start=1)]
     means = FittingTable(
         names=("platform", "policy", "trials", "MR", "EL", "SR"),
@@ -126,6 +128,19 @@ def ending_text(statistics: Summary, count: int) -> str:
     if count == left_out:
         return f"no trial kept its timing: there are no means{late}"
     return f"{ends}; {statistics['censored']} of {count - left_out} at the horizon{survival}{late}"
+
+
+def takeover_text(takeovers: dict[str, Any]) -> str:
+    """Say how often somebody took over, and how far and long the policy drove for each."""
+    count, by_hand = takeovers["count"], takeovers["by_hand"]
+    between = [f"{takeovers['between_s']:.1f} s"] if count else []
+    between += [f"{takeovers['between_m']:.1f} m"] if takeovers["between_m"] is not None else []
+    driven = [f"{takeovers['policy_s']:.1f} s"]
+    driven += [f"{takeovers['policy_m']:.1f} m"] if takeovers["policy_m"] is not None else []
+    per = f", one per {' and '.join(between)} of the policy's driving" if between else ""
+    hand = f"; by hand {takeovers['hand_s']:.1f} s" if takeovers["hand_s"] else ""
+    times = f"{count} takeover{'' if count == 1 else 's'} ({by_hand} by hand)"
+    return f"{times} in {' and '.join(driven)}{per}{hand}"
 
 
 def sight_text(sight: dict[str, Any]) -> str:

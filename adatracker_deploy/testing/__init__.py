@@ -1,1 +1,1 @@
-"""What an outside robot's tests can inherit: the conformance suite and fakes."""
+"""Base classes for an outside robot's tests: the conformance suite and fakes."""

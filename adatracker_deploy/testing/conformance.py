@@ -62,7 +62,7 @@ class PlatformConformance(AgainstTheManual):
     silence_s: ClassVar[float] = 2.0
     """Machine time after which a robot that tells nothing must have been stopped."""
     body_height_m: ClassVar[float] = 0.0
-    """Where the body's origin is when it stands or hovers."""
+    """Height of the body's origin when it stands or hovers."""
 
     @pytest.fixture(scope="class")
     @classmethod
@@ -205,7 +205,7 @@ class PlatformConformance(AgainstTheManual):
     def test_a_robot_that_fell_silent_and_is_heard_again_stays_stopped(
         self, sitl: Sitl, engaged: Platform
     ) -> None:
-        """What is not heard is stopped, and good news does not start it: only an explicit engage does."""
+        """Losing telemetry stops the robot; its return does not start it, only an explicit engage does."""
         assert ROBOT_SILENT in sitl.faults, f"let the simulator obey {ROBOT_SILENT.name}: docs/add-a-robot.md"
         cruise = Twist(vx=self.cruise_m_s)
         drive(engaged, cruise, 1.0)
@@ -249,7 +249,7 @@ class PlatformConformance(AgainstTheManual):
         assert before.distance_to(after.x, after.y) > self.cruise_m_s
 
     def test_a_silent_sender_is_stopped_by_the_robots_own_time_out(self, engaged: Platform) -> None:
-        """When set-points stop coming, and nobody says anything, the robot comes to rest by itself."""
+        """The robot comes to rest by itself when set-points stop coming and nothing else is sent."""
         drive(engaged, Twist(vx=self.cruise_m_s), 2.0)
         self._comes_to_rest(engaged, "silence")
 

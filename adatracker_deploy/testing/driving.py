@@ -1,4 +1,4 @@
-"""What the conformance suite does with a robot that it drives: sending at the link's rate, and measuring."""
+"""Driving for the conformance suite: sending at the link's rate, and measuring."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ from adatracker_deploy.config.profile import CameraSettings, Profile
 from adatracker_deploy.config.schema import Range
 from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.faults import ROBOT_SILENT
-from adatracker_deploy.core.messages import ZERO, PlatformState, Twist
+from adatracker_deploy.core.messages import LONGEST_REASON, ZERO, PlatformState, Twist
 from adatracker_deploy.platform import Body, CameraMount, Check, Platform, Scenario, Sitl
 from adatracker_deploy.sim.bodies import DriveSettings, KinematicBody
 
@@ -43,18 +43,18 @@ def from_wire(payload: bytes) -> Twist:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FakeConnection:
-    """What the robot itself does."""
+    """The behaviour of the robot itself."""
 
     command_timeout_s: Annotated[float, Range(0.05, 5)] = 0.5
     """The robot stops by itself when the last command is older than this."""
     engage_s: Annotated[float, Range(0, 10)] = 0.5
-    """How long engaging takes."""
+    """Duration of engaging."""
     silence: str = ""
     """A file: the robot tells nothing while it is there. Empty for one that always tells."""
 
 
 class FakeSimulator(Sitl):
-    """Nothing is behind the wire: the fake platform is its own robot, but it can be told to be silent."""
+    """Nothing is behind the wire: the fake platform is its own robot, but it can be made silent."""
 
     faults = (ROBOT_SILENT,)
 
@@ -82,7 +82,7 @@ class FakeSimulator(Sitl):
 
 
 class FakePlatform(Platform):
-    """A robot that moves as its clock does: whoever looks at it lets it catch up with the time."""
+    """A robot that moves as its clock does: each look at it advances it to the present."""
 
     name = "fake"
     axes = frozenset({"vx", "yaw_rate"})
@@ -167,7 +167,7 @@ class FakePlatform(Platform):
             self._latch(reason)
 
     def take_over(self) -> None:
-        """Do what a pilot does: take the robot away from whoever commands it."""
+        """Take the robot over, as a pilot does."""
         self.hold("the pilot has taken over")
         self._taken_over = True
 
@@ -198,7 +198,7 @@ class FakePlatform(Platform):
         if self._engaged:
             self.sent.append(ZERO)
         self._consent = self._engaged = False
-        self._command, self._stopped = ZERO, self._stopped or reason[:95]
+        self._command, self._stopped = ZERO, self._stopped or reason[:LONGEST_REASON]
 
     def _unheard_s(self) -> float:
         return (self._now_ns - self._heard_ns) / 1e9 / self.clock.speed

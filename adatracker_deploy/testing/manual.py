@@ -1,4 +1,4 @@
-"""What goes out, held against the vendor's manual: the part of the suite that no simulator can stand in for.
+"""Compares sent bytes with the vendor's manual: the part of the suite that no simulator can stand in for.
 
 A simulated robot is made of the same protocol module as its adapter, so what is wrong in that is right on
 both sides. Only bytes from elsewhere show it.

@@ -1,4 +1,4 @@
-"""What the link did after the tracker's log had ended, from its black box."""
+"""The link's actions after the end of the tracker's log, from its black box."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Change:
     reason: str
     sent: Twist
     speed_m_s: float | None
-    """Measured; None where the robot told none."""
+    """Measured; None where the robot reported none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ class Aftermath:
     told_s: float
     """Until the last command that moves; 0 where none followed."""
     stood_s: float | None
-    """Until the robot was slower than `STILL_M_S` for good; None where it never was, or told no velocity."""
+    """Until the robot was slower than `STILL_M_S` for good; None if it never was, or reported no velocity."""
     asleep_s: float
     """For how long the machine was suspended meanwhile."""
     changes: tuple[Change, ...]
@@ -68,7 +68,7 @@ class Aftermath:
 
 
 def aftermath_of(trial_folder: Path, last_step_ns: int | None) -> Aftermath | None:
-    """Return what a trial's black box tells of the time after its log; None where there is none, or no more.
+    """Return what a trial's black box holds of the time after its log; None without one, or without more.
 
     Args:
         trial_folder: of the trial.

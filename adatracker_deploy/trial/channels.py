@@ -20,7 +20,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import cv2
@@ -31,12 +30,12 @@ from foxglove_schemas_protobuf.PointsAnnotation_pb2 import PointsAnnotation
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
+from adatracker_deploy.core.geometry import Pose, Quaternion
 from adatracker_deploy.core.mask_png import encode_mask
 from adatracker_deploy.trial.privacy import Anonymiser
 from adatracker_deploy.trial.step_json import STEP_SCHEMA_NAME, step_schema, step_to_json
 
 if TYPE_CHECKING:
-    from adatracker_deploy.core.geometry import Pose
     from adatracker_deploy.core.messages import Box
     from adatracker_deploy.core.record import StepRecord
     from adatracker_deploy.trial.ipc import Picture
@@ -106,7 +105,7 @@ class Encoder:
         """Encode a frame and its mask.
 
         Raises:
-            cv2.error: the frame is no picture.
+            cv2.error: the frame is not a picture.
         """
         self._frame_size = picture.size
         images = [("/mask", "png", encode_mask(picture.mask))]
@@ -199,12 +198,6 @@ def _pose(pose: Pose, wall_ns: int) -> PoseInFrame:
     message.timestamp.FromNanoseconds(wall_ns)
     position, orientation = message.pose.position, message.pose.orientation
     position.x, position.y, position.z = pose.x, pose.y, pose.z
-    # The quaternion of Rz(yaw) Ry(pitch) Rx(roll), from half angles.
-    cr, sr = math.cos(pose.roll / 2), math.sin(pose.roll / 2)
-    cp, sp = math.cos(pose.pitch / 2), math.sin(pose.pitch / 2)
-    cy, sy = math.cos(pose.yaw / 2), math.sin(pose.yaw / 2)
-    orientation.w = cr * cp * cy + sr * sp * sy
-    orientation.x = sr * cp * cy - cr * sp * sy
-    orientation.y = cr * sp * cy + sr * cp * sy
-    orientation.z = cr * cp * sy - sr * sp * cy
+    turned = Quaternion.of(pose.roll, pose.pitch, pose.yaw)
+    orientation.w, orientation.x, orientation.y, orientation.z = turned
     return message

@@ -19,10 +19,13 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
 
-    from adatracker_deploy.core.messages import ClassMask
+    from adatracker_deploy.core.messages import Box, ClassMask
     from adatracker_deploy.core.record import StepRecord
+    from adatracker_deploy.page.address import Address
     from adatracker_deploy.trial.privacy import Frames
 
 SLOTS = 16
@@ -44,12 +47,25 @@ class Picture(NamedTuple):
 
 
 class Place(NamedTuple):
-    """Where a `Picture` lies in the shared memory."""
+    """The place of a `Picture` in the shared memory."""
 
     slot: int
     size: tuple[int, int]
     content_shape: tuple[int, ...]
     mask_shape: tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class PageStart:
+    """The operator's page, as the writer is to serve it."""
+
+    address: Address
+    about: Mapping[str, Any]
+    """What the page says of the run as a whole, in plain JSON types."""
+    tracker_pid: int
+    """The process that a stop is for."""
+    unchoosable: str = ""
+    """Why nobody can be chosen; empty where somebody can."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,9 +78,11 @@ class Start:
     """Its name once it is whole."""
     metadata: dict[str, dict[str, str]]
     live_port: int | None = None
-    """Where on this machine the live view listens; None for none."""
+    """Port of the live view on this machine; None for none."""
     frames: Frames = "full"
-    """What is kept of the camera's pictures."""
+    """The camera's pictures that the log keeps."""
+    page: PageStart | None = None
+    """The operator's page; None for none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +93,18 @@ class Step:
     captured_ns: int
     """Wall-clock time of the frame's capture, ns."""
     record: StepRecord
+    place: Place | None
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """A frame from before the first tick: for the operator's page alone, and not written down."""
+
+    wall_ns: int
+    captured_ns: int
+    seq: int
+    target: str | None
+    box: Box | None
     place: Place | None
 
 

@@ -1,4 +1,4 @@
-"""Who may watch: programs of this machine, and pages of Foxglove or of this machine.
+"""Access to the live view: programs of this machine, and pages of Foxglove or of this machine.
 
 A web page that is open in this machine's browser can reach its loopback, and the browser asks nobody before a
 websocket is opened. It says though whose page asks (`Origin`), which a page cannot change, and by which name
@@ -10,10 +10,11 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
+from adatracker_deploy.page.access import OWN_HOST
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-_HOST = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:\d{1,5})?", re.ASCII | re.IGNORECASE)
 _ORIGIN = re.compile(
     r"https://(app|studio)\.foxglove\.dev|https?://(127\.0\.0\.1|localhost)(:\d{1,5})?|file://", re.ASCII
 )
@@ -26,9 +27,9 @@ def why_refused(hosts: Sequence[str], origins: Sequence[str]) -> str | None:
 
     Args:
         hosts: the values of its `Host` headers, of which there must be one.
-        origins: those of its `Origin` headers; none from a program that is no browser.
+        origins: those of its `Origin` headers; none from a program that is not a browser.
     """
-    if len(hosts) != 1 or not _HOST.fullmatch(hosts[0]):
+    if len(hosts) != 1 or not OWN_HOST.fullmatch(hosts[0]):
         return "This is not the host that was asked for."
     if len(origins) > 1 or any(not _ORIGIN.fullmatch(origin) for origin in origins):
         return "Pages of this origin may not watch."

@@ -1,4 +1,4 @@
-"""What waits for one client of the live view: the newest messages, of bounded number and size."""
+"""The queue of one client of the live view: the newest messages, of bounded number and size."""
 
 from __future__ import annotations
 

@@ -29,11 +29,11 @@ if TYPE_CHECKING:
     from adatracker_deploy.trial.channels import Message
 
 PATIENCE_S = 5.0
-"""How long a client may take to ask for what it came for, and to take its leave."""
+"""Time-out of a client's opening and closing handshake."""
 LARGEST_REQUEST_BYTES = 64 << 10
 _RECEIVE_BYTES = 16 << 10
 _SEND_BUFFER_BYTES = 256 << 10
-"""What the kernel may hold for a client; what it holds cannot be lost any more, however old."""
+"""Size of the kernel's send buffer for a client; what it holds can no longer be dropped, however old."""
 _ANSWERS = 64
 """Answers that may wait for a client before no more is read from it."""
 _QUIET = logging.getLogger("adatracker_deploy.live_view")
@@ -45,7 +45,7 @@ class Client:
 
     Args:
         connection: its socket, which is closed with it.
-        welcome: texts that each client is told first.
+        welcome: texts that each client is sent first.
         topics: what can be told, by the channels' numbers.
     """
 
@@ -56,7 +56,7 @@ class Client:
         self.connection = connection
         self.ended = False
         self.deadline_s: float | None = time.monotonic() + PATIENCE_S
-        """When it is to be ended, on the monotonic clock; None if it may stay."""
+        """Time-out of the connection, on the monotonic clock; None if it may stay."""
         self._welcome = welcome
         self._subscriptions = Subscriptions(topics)
         self._backlog = Backlog()

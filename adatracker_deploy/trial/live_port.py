@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import importlib.metadata
-import socket
 from urllib.parse import quote
 
 from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.page import address
+from adatracker_deploy.page.address import HOST, free_port
 
-HOST = "127.0.0.1"
 DEFAULT_PORT = 8765
-"""Where Foxglove looks first."""
+"""Foxglove's default."""
 
 
 def choose_port(port: int) -> int:
@@ -23,22 +23,16 @@ def choose_port(port: int) -> int:
         importlib.metadata.version("websockets")  # not imported: it is the log writer's to load
     except importlib.metadata.PackageNotFoundError as error:
         raise UsageError("--live needs websockets: pip install 'adatracker-deploy[live]'") from error
-    with socket.socket() as asked:
-        asked.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the server: what just ended is free
-        try:
-            asked.bind((HOST, port))
-        except OSError as error:
-            raise port_refused(port, str(error.strerror)) from error
-        return int(asked.getsockname()[1])
+    return free_port(port, "the live view", "--live")
 
 
 def port_refused(port: int, reason: str) -> UsageError:
-    """Return the error that says so."""
-    return UsageError(f"TCP port {port} for the live view: {reason}; choose another with --live PORT")
+    """Return the error for a port that cannot be had."""
+    return address.port_refused(port, reason, "the live view", "--live")
 
 
 def websocket_url(port: int) -> str:
-    """Return what a viewer is told to connect to."""
+    """Return the address that a viewer connects to."""
     return f"ws://{HOST}:{port}"
 
 

@@ -1,4 +1,4 @@
-"""What is said over the live view's websocket: Foxglove's protocol, as far as one that only shows needs it.
+"""Messages of the live view's websocket: Foxglove's protocol, as far as a server that only shows needs it.
 
 Texts are JSON objects whose `op` says what they are; messages are binary: an opcode, the subscription's
 number, the time and the data, little-endian. https://github.com/foxglove/ws-protocol/blob/main/docs/spec.md
@@ -59,7 +59,7 @@ def message_frame(subscription: int, time_ns: int, data: bytes) -> bytes:
 
 
 class Subscriptions:
-    """What one client wants to be told, and the answers to what it asks.
+    """The topics that one client has subscribed to, and the answers to its requests.
 
     Args:
         topics: what can be told, by the channels' numbers.

@@ -16,8 +16,9 @@ import threading
 import time
 from typing import TYPE_CHECKING
 
+from adatracker_deploy.page.address import HOST
 from adatracker_deploy.trial.channels import channels
-from adatracker_deploy.trial.live_port import HOST, port_refused
+from adatracker_deploy.trial.live_port import port_refused
 from adatracker_deploy.trial.live_protocol import advertise, server_info
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 MAX_CLIENTS = 16
 """Connections at one time; one more is closed at once."""
 STOP_TIMEOUT_S = 0.5
-"""How long the end waits for clients to take what waits for them, and leave."""
+"""Time for clients to take their queued messages, and to leave, at the end."""
 
 
 class LiveView:
@@ -67,7 +68,7 @@ class LiveView:
         self._thread.start()
 
     def show(self, messages: Iterable[Message]) -> None:
-        """Send messages to whoever is subscribed to their topics; some microseconds each, whoever reads.
+        """Send messages to whoever is subscribed to their topics; some microseconds each, read or not.
 
         Raises:
             RuntimeError: the view has failed.

@@ -15,6 +15,7 @@ import numpy as np
 import yaml
 
 from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.messages import Click
 from adatracker_deploy.trial.folder import (
     CONFIG_NAME,
     FILE_NAME,
@@ -30,6 +31,8 @@ from adatracker_deploy.trial.ipc import (
     Free,
     Level,
     LogLine,
+    Look,
+    PageStart,
     Picture,
     PictureSlots,
     Place,
@@ -63,7 +66,7 @@ class TrialLog:
     """One trial's folder, being written.
 
     `step` and `event` take well under a millisecond, never wait and never raise: what the writer cannot take
-    in time is dropped and counted, what goes wrong is told by `trouble`.
+    in time is dropped and counted, `trouble` reports what goes wrong.
     """
 
     folder: Path
@@ -78,7 +81,9 @@ class TrialLog:
     """Frames that are missing from the log, though their steps are there."""
     _trouble: str = ""
     _free: list[int] = field(default_factory=lambda: list(range(SLOTS)))
+    _clicks: list[Click] = field(default_factory=list)
     _last_seq: int | None = None
+    _looked_seq: int | None = None
     _closed: bool = False
 
     @classmethod
@@ -94,6 +99,7 @@ class TrialLog:
         now_ns: int,
         live_port: int | None = None,
         frames: Frames = "full",
+        page: PageStart | None = None,
     ) -> TrialLog:
         """Make the folder ``LOG_DIR/<UTC time>_<platform>_<kind>/`` (mode 0700) and start the writer.
 
@@ -107,6 +113,7 @@ class TrialLog:
             now_ns: the run's clock. Wall-clock time is read once, here, and only written down.
             live_port: where the writer serves the live view (`live_port.choose_port`); None for none.
             frames: what is kept of the camera's pictures; masks and boxes are kept in any case.
+            page: the operator's page, which the writer serves as well; None for none.
 
         Raises:
             UsageError: the folder cannot be written, the port is in use, or the writer does not start.
@@ -147,7 +154,7 @@ class TrialLog:
             far.close()
             os.close(memory_fd)
         log = cls(folder, Post(near), slots, writer, wall_ns - now_ns, frames)
-        log._start(Start(str(folder / PART_NAME), str(folder / FILE_NAME), metadata, live_port, frames))
+        log._start(Start(str(folder / PART_NAME), str(folder / FILE_NAME), metadata, live_port, frames, page))
         return log
 
     def step(self, record: StepRecord, frame: Frame, observation: Observation) -> None:
@@ -166,13 +173,34 @@ class TrialLog:
             self._trouble = self._trouble or f"a tick could not be logged: {error}"
             self.dropped += 1
 
+    def look(self, frame: Frame, observation: Observation, t_ns: int) -> None:
+        """Show a new frame from before the first tick on the operator's page; nothing is written."""
+        self._hear()
+        if frame.seq == self._looked_seq or len(self._free) < SLOTS // 2:
+            return
+        self._looked_seq = frame.seq
+        target = observation.target.value if observation.target else None
+        place = self._put(frame, observation)
+        wall_ns, captured_ns = self._wall_ns(t_ns), self._wall_ns(frame.t_ns)
+        message = Look(wall_ns, captured_ns, frame.seq, target, observation.box, place)
+        try:
+            self._post.send(message, timeout_s=0.0)
+        except OSError:  # a full socket too: the next one is as good
+            self._free += [place.slot] if place is not None else []
+
+    def clicks(self) -> list[Click]:
+        """Return where the operator has clicked on the page since the last call."""
+        self._hear()
+        clicks, self._clicks = self._clicks, []
+        return clicks
+
     def event(self, level: Level, message: str, t_ns: int) -> None:
         """Write down something that happened, at the run's clock `t_ns`."""
         self._hand_over(LogLine(self._wall_ns(t_ns), level, message))
 
     @property
     def trouble(self) -> str:
-        """Why the log is not whole (the disk is full, the writer died); empty while it is."""
+        """Reason why the log is incomplete (the disk is full, the writer died); empty while it is not."""
         self._hear()
         return self._trouble
 
@@ -264,6 +292,8 @@ class TrialLog:
                         self._free.append(slot)
                     case Trouble(message):
                         self._trouble = self._trouble or message
+                    case Click() as click:
+                        self._clicks.append(click)
         except OSError:
             return  # nothing more
         except EOFError:

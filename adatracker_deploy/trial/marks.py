@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 
 MARKS_SUFFIX = ".marks.yaml"
 Verdict = Literal["good", "takeover", "wrong_person", "collision"]
-"""What an operator can say of a trial's end; an outcome, or that the recorded one is right."""
+"""The verdicts of an operator on a trial's end: an outcome, or that the recorded one is right."""
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 LONGEST_NOTE = 2000
 _SIZE_CAP_BYTES = 1 << 20
-_HEAD = "# What the operator said of this trial. The last outcome holds; good: the one that was recorded.\n"
+_HEAD = "# The operator's marks of this trial. The last outcome holds; good: the one that was recorded.\n"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,20 +36,18 @@ class Mark:
     """One thing said of a trial."""
 
     at: str
-    """When it was said: UTC, ISO 8601."""
+    """Time of the mark: UTC, ISO 8601."""
     outcome: Verdict | None = None
-    """How the trial ended; None for a note alone."""
+    """The trial's outcome; None for a note alone."""
     since_s: Annotated[float, Range(0, 1e6)] | None = None
-    """When that was, s of the run's clock from the first tick: it is scored up to there. None: at its end."""
+    """Time of it, s of the run's clock from the first tick: it is scored up to there. None: at its end."""
     note: str = ""
 
     def __post_init__(self) -> None:
         if self.since_s is not None and self.outcome in (None, "good"):
-            raise UsageError(
-                "a mark says since when together with an outcome: takeover, wrong_person or collision"
-            )
+            raise UsageError("a mark with a time needs an outcome: takeover, wrong_person or collision")
         if self.outcome is None and not self.note:
-            raise UsageError("a mark says an outcome, a note, or both")
+            raise UsageError("a mark needs an outcome, a note, or both")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,7 +61,7 @@ def marks_path(log: Path) -> Path:
 
 
 def read_marks(log: Path) -> tuple[Mark, ...]:
-    """Return what was said of a log's trial, in the order of saying; nothing where there is no such file.
+    """Return the marks of a log's trial, in their order; none without a file.
 
     Raises:
         UsageError: the file cannot be read, or does not hold marks.
@@ -77,7 +75,7 @@ def read_marks(log: Path) -> tuple[Mark, ...]:
     except OSError as error:
         raise UsageError(f"{path}: cannot be read ({error.strerror})") from error
     if len(data) > _SIZE_CAP_BYTES:
-        raise UsageError(f"{path}: larger than 1 MiB; these are no marks")
+        raise UsageError(f"{path}: larger than 1 MiB, so not a marks file")
     try:
         document = yaml.safe_load(data)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
@@ -93,7 +91,7 @@ def add_mark(log: Path, mark: Mark) -> tuple[Mark, ...]:
     """Add a mark to a log's, and see that it outlives a power cut; return them all.
 
     Raises:
-        UsageError: what is there is no file of marks, or it cannot be written; then it is as it was.
+        UsageError: the file there is not one of marks, or cannot be written; then it is unchanged.
     """
     marks = (*read_marks(log), mark)
     path = marks_path(log)

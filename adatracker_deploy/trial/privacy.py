@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     from adatracker_deploy.core.messages import ClassMask
 
 Frames = Literal["full", "blurred", "none"]
-"""What a log keeps of the camera's pictures."""
+"""The camera's pictures that a log keeps."""
 
 CELLS = 16
 """Across the shorter side of a picture: a face that takes a third of it is five cells across."""
 MARGIN = 0.04
-"""What a mask may miss of a person on each side, in sides of the picture."""
+"""Margin for what a mask misses of a person on each side, in sides of the picture."""
 LASTS_S = 1.0
-"""How long a place stays covered after a person was last seen there: detectors blink."""
+"""Time for which a place stays covered after a person was last seen there: detectors blink."""
 
 
 class Anonymiser:

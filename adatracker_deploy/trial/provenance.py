@@ -12,6 +12,7 @@ from importlib.metadata import Distribution, PackageNotFoundError, version
 from pathlib import Path
 
 import cv2
+import onnxruntime as ort
 
 from adatracker_deploy import __version__
 from adatracker_deploy.core.camera import without_password
@@ -26,20 +27,21 @@ def provenance() -> dict[str, str]:
 
 
 def surroundings() -> dict[str, str]:
-    """Return what the numbers of a trial may depend on, by name; the commit only where it can be told."""
+    """Return what the numbers of a trial may depend on, by name; the commit only where it is known."""
     known = {
         "adatracker-deploy": __version__,
         "commit": commit(_CHECKOUT),
         "python": machine.python_version(),
         "machine": machine.platform(),
-        **{name: version(name) for name in ("mcap", "numpy", "onnxruntime")},
+        **{name: version(name) for name in ("mcap", "numpy")},
+        "onnxruntime": ort.__version__,  # its package is onnxruntime or onnxruntime-gpu
         "opencv": cv2.__version__,  # it reduces masks to what networks see
     }
     return {name: text for name, text in known.items() if text}
 
 
 def commit(checkout: Path) -> str:
-    """Return the Git commit that this toolkit was installed from; empty where that cannot be told.
+    """Return the Git commit that this toolkit was installed from; empty where that is unknown.
 
     Args:
         checkout: the folder that would be a clone; then ``-dirty`` follows where tracked files were changed.

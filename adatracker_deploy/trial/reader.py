@@ -55,6 +55,15 @@ class LoggedEvent(NamedTuple):
     message: str
 
 
+class LoggedMessage(NamedTuple):
+    """A message as it is in the log; wall-clock time, ns."""
+
+    topic: str
+    wall_ns: int
+    sequence: int
+    data: bytes
+
+
 class LoggedFrame(NamedTuple):
     """A camera frame: RGB uint8 (H, W, 3), class mask, uint8 of the mask's own size, and the JPEG it was."""
 
@@ -73,7 +82,7 @@ class LoggedMask(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrialAbout:
-    """What a log says of its trial, apart from its ticks."""
+    """The facts about a trial in its log, apart from its ticks."""
 
     path: Path
     """The file that was read."""
@@ -88,20 +97,20 @@ class TrialAbout:
     complete: bool
     """The file has its end; a truncated one was read up to its last whole record."""
     about: Mapping[str, str]
-    """When and with which versions it was written."""
+    """Time and versions of its recording."""
     frame_seqs: frozenset[int]
     """Sequence numbers of the frames in the log."""
     marks: tuple[Mark, ...] = ()
-    """What the operator said of it, in the order of saying."""
+    """The operator's marks, in their order."""
 
     @property
     def frames_kept(self) -> str:
-        """What the run kept of the camera's pictures (`privacy.Frames`)."""
+        """The camera's pictures that the run kept (`privacy.Frames`)."""
         return str(self.config.get("frames", "full")) if isinstance(self.config, Mapping) else "full"
 
     @property
     def wall_offset_ns(self) -> int | None:
-        """What wall-clock time, ns, is ahead of the run's clock; None where the log does not say."""
+        """Offset of wall-clock time from the run's clock, ns; None where the log does not say."""
         return wall_offset_ns(self.about)
 
 
@@ -117,6 +126,16 @@ class Trial(TrialAbout):
     """A trial as it was logged, without its frames."""
 
     steps: tuple[StepRecord, ...]
+
+    def messages(self, topics: Container[str]) -> Iterator[LoggedMessage]:
+        """Read the messages on these topics, in the order in which they were written, one at a time.
+
+        Raises:
+            UsageError: the file cannot be read any more.
+        """
+        for topic, record in _records(self.path, lambda topic, _: topic in topics):
+            if topic and topic in topics:
+                yield LoggedMessage(topic, record.log_time, record.sequence, record.data)
 
     def frames(self, wanted: Container[int] | None = None) -> Iterator[LoggedFrame]:
         """Read the frames whose sequence number is wanted (by default all), in order, one at a time.
@@ -200,7 +219,7 @@ def read_head(path: Path) -> tuple[Path, Mapping[str, str]]:
             except (KeyError, ValueError) as error:
                 raise UsageError(f"{file}: not a trial of this toolkit ({_one_line(error)})") from error
             return file, record.metadata
-    raise UsageError(f"{file}: not a trial of this toolkit (it does not say what trial it is of)")
+    raise UsageError(f"{file}: not a trial of this toolkit (it does not name its trial)")
 
 
 def wall_offset_ns(about: Mapping[str, str]) -> int | None:

@@ -44,10 +44,10 @@ class Salvaged:
 def unfinished(path: Path) -> list[Path]:
     """Return the unfinished logs that a path names: itself, or those in and below a folder, sorted.
 
-    A finished log is none, and folders may have none: then there is nothing to do.
+    A finished log does not count, and folders may have none: then there is nothing to do.
 
     Raises:
-        UsageError: nothing is there, it is no log, or a folder may not be read.
+        UsageError: nothing is there, it is not a log, or a folder may not be read.
     """
     if path.is_dir():
         found = search(path, PART_NAME.__eq__)
@@ -134,7 +134,7 @@ def _rewrite(source: IO[bytes], target: IO[bytes]) -> tuple[int, int]:
                 is_trial = is_trial or record.name == "trial"
         end = size if isinstance(record, Footer) else source.tell()
     if not is_trial:
-        raise ValueError("it does not say what trial it is of: it was cut off at its very beginning")
+        raise ValueError("it does not name its trial: it was cut off at its very beginning")
     mcap.finish()
     return steps, size - end
 

@@ -19,7 +19,7 @@ ALWAYS_BYTES = 8 << 20
 
 
 class Allowance:
-    """How much a whole file may still unpack to.
+    """The bytes to which a whole file may still unpack.
 
     Args:
         file_bytes: the file's size.
@@ -45,7 +45,7 @@ def unpacked(chunk: Chunk, allowance: Allowance) -> bytes:
         )
     data: bytes = _DECOMPRESS.get(chunk.compression, _unknown)(chunk, stated)
     if len(data) != stated:
-        raise EndOfFile(f"a chunk that says it holds {stated} bytes does not")
+        raise EndOfFile(f"a chunk does not hold the {stated} bytes that it states")
     allowance.left_bytes -= stated
     return data
 

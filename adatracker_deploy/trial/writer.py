@@ -8,8 +8,9 @@ Each tick is flushed to the kernel, which survives a kill of every process here;
 later, which survives a power cut (1.4 ms, measured). When the disk is full the file is cut back to its last
 whole tick and left as ``.part``, readable so far.
 
-The live view, where one was asked for, is served from here as well: every tick is encoded once, written, then
-shown. A view that fails ends, and the log goes on; a log that fails ends, and the view goes on.
+The live view and the operator's page, where they were asked for, are served from here as well: every tick is
+encoded once, written, then shown. A view that fails ends, and the log goes on; a log that fails ends, and the
+views go on.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from adatracker_deploy.trial.ipc import (
     End,
     Free,
     LogLine,
+    Look,
     PictureSlots,
     Post,
     Ready,
@@ -41,9 +43,11 @@ from adatracker_deploy.trial.ipc import (
     Trouble,
 )
 from adatracker_deploy.trial.live_view import LiveView
+from adatracker_deploy.trial.page_view import PageView
 from adatracker_deploy.trial.trial_file import TrialFile
 
 if TYPE_CHECKING:
+    from adatracker_deploy.core.messages import Click
     from adatracker_deploy.trial.channels import Message
 
 SYNC_INTERVAL_S = 1.0
@@ -100,6 +104,7 @@ class TrialWriter:
         self._post = post
         self._slots = slots
         self._view: LiveView | None = None
+        self._page: PageView | None = None
         self._summary_json: str | None = None
         self._last_sync_s = time.monotonic()
         self._unsynced = False
@@ -111,12 +116,15 @@ class TrialWriter:
             self._encoder = Encoder(start.frames)
             if start.live_port is not None:
                 self._view = LiveView(start.live_port)
+            if start.page is not None:
+                self._page = PageView(start.page)
             self._write_trial(start)
         except UsageError as error:
             self._tell(Trouble(str(error)))
         finally:
-            if self._view is not None:
-                self._view.close()
+            for shown in (self._view, self._page):
+                if shown is not None:
+                    shown.close()
 
     def _write_trial(self, start: Start) -> None:
         part, path = Path(start.part), Path(start.path)
@@ -150,10 +158,12 @@ class TrialWriter:
                 if message is None:
                     continue
                 messages = self._encode(message)
-                self._trial.write(messages)
-                self._file.flush()
-                self._unsynced = True
-                self._show(messages)
+                if not isinstance(message, Look):
+                    self._trial.write(messages)
+                    self._file.flush()
+                    self._unsynced = True
+                    self._show(messages)
+                self._show_page(message, messages)
 
     def _next(self) -> Any:
         """Return the next message; None after the file was synced instead."""
@@ -167,12 +177,14 @@ class TrialWriter:
         self._last_sync_s, self._unsynced = time.monotonic(), False
         return None
 
-    def _encode(self, message: Step | LogLine | End) -> list[Message]:
+    def _encode(self, message: Step | Look | LogLine | End) -> list[Message]:
         """Return what is to be written of a message; nothing, which is told, where it cannot be encoded."""
         try:
             match message:
                 case Step(wall_ns, captured_ns, record, _):
                     return self._encode_picture(message) + self._encoder.step(wall_ns, captured_ns, record)
+                case Look():
+                    return self._encode_picture(message)
                 case LogLine(wall_ns, level, text):
                     return self._encoder.event(wall_ns, level, text)
                 case End(summary_json):
@@ -181,14 +193,15 @@ class TrialWriter:
             self._tell(Trouble(f"a tick could not be logged: {error}"))
         return []
 
-    def _encode_picture(self, step: Step) -> list[Message]:
-        if step.place is None:
+    def _encode_picture(self, message: Step | Look) -> list[Message]:
+        if message.place is None:
             return []
+        seq = message.record.frame_seq if isinstance(message, Step) else message.seq
         try:
-            picture = self._slots.get(step.place)
-            return self._encoder.picture(step.wall_ns, step.captured_ns, step.record.frame_seq, picture)
+            picture = self._slots.get(message.place)
+            return self._encoder.picture(message.wall_ns, message.captured_ns, seq, picture)
         finally:
-            self._tell(Free(step.place.slot))
+            self._tell(Free(message.place.slot))
 
     def _show(self, messages: list[Message]) -> None:
         """Hand messages to the live view; one that fails is given up, and the log says so."""
@@ -202,18 +215,35 @@ class TrialWriter:
             text = f"the live view has ended: {error}"
             self._trial.write(self._encoder.event(time.time_ns(), "warning", text))
 
+    def _show_page(self, message: Step | Look | LogLine | End, messages: list[Message]) -> None:
+        """Hand a message to the operator's page, and to the tracker where the operator has clicked."""
+        if self._page is None:
+            return
+        match message:
+            case Step(record=record):
+                self._page.step(record, messages)
+            case Look():
+                self._page.look(message, messages)
+            case LogLine(_, level, text):
+                self._page.event(level, text)
+        for click in self._page.clicks():
+            self._tell(click)
+
     def _drain(self) -> None:
         """Take and show what still comes, so that a log that failed looks no different to the loop."""
         with contextlib.suppress(EOFError):
             while True:
                 message = self._post.receive(timeout_s=None)
-                if self._view is not None:
-                    self._show(self._encode(message))
+                if self._view is not None or self._page is not None:
+                    messages = self._encode(message)
+                    if not isinstance(message, Look):
+                        self._show(messages)
+                    self._show_page(message, messages)
                 elif isinstance(message, Step) and message.place is not None:
                     self._tell(Free(message.place.slot))
 
-    def _tell(self, message: Ready | Free | Trouble) -> None:
-        with contextlib.suppress(OSError):  # a tracker that has gone need not be told
+    def _tell(self, message: Ready | Free | Trouble | Click) -> None:
+        with contextlib.suppress(OSError):  # a tracker that has gone needs no message
             self._post.send(message, timeout_s=1.0)
 
 

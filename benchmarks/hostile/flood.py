@@ -23,9 +23,9 @@ class Result:
     seconds: float
     grown_kb: int
     ignored: str
-    """What the side under attack says of it."""
+    """The reaction of the side under attack."""
     faults: tuple[str, ...]
-    """What should not have happened."""
+    """Things that should not have happened."""
 
 
 def memory_kb(pid: int | str = "self") -> int:

@@ -29,7 +29,7 @@ class Relay(threading.Thread):
         self.orders = 0
         """Set-points and commands to move that came from the adapter."""
         self.place = (0.0, 0.0, 0.0)
-        """What the autopilot itself says, m."""
+        """The autopilot's own report, m."""
         self._ended = False
 
     def run(self) -> None:

@@ -28,11 +28,11 @@ def quadruped():
 
 def flood_host(count: int) -> Result:
     """Flood all that the host listens to, its camera's topic too."""
+    from adatracker_deploy.config.camera_topic import with_camera
     from adatracker_deploy.core.geometry import Pose
     from adatracker_deploy.core.messages import ZERO
     from adatracker_deploy.perception.compressed_image import CompressedImage
     from adatracker_quadruped.protocol import messages
-    from adatracker_quadruped.protocol.camera_topic import with_camera
     from adatracker_quadruped.protocol.keys import Keys
 
     with quadruped() as (platform, _):

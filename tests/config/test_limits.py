@@ -72,7 +72,7 @@ def test_what_fits_is_taken():
         ({"battery_warn": 2.0}, "limits: battery_warn: 2.0 is out of range [0.01, 1]"),
         (
             {"battery_warn": 0.1, "battery_stop": 0.2},
-            "limits: battery_warn 0.1 is below battery_stop 0.2: nobody would be warned",
+            "limits: battery_warn 0.1 is below battery_stop 0.2: the robot would stop before the warning",
         ),
         ({"altitude_m": [6, 1]}, "limits: altitude_m [6, 1]: the lower comes first"),
         ({"altitude_m": [2, 2]}, "limits: altitude_m [2, 2]: the lower comes first"),
@@ -90,7 +90,7 @@ def test_what_does_not_fit_is_refused_with_its_place(change, message):
         limits(**change)
     assert str(caught.value).startswith(message)
     assert "\n" not in str(caught.value)
-    if message.endswith(("polygon", "warned", "first")):
+    if message.endswith(("polygon", "warning", "first")):
         assert str(caught.value) == message
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import platform
+
 import pytest
 
 from adatracker_deploy.cli import extras, main
@@ -15,13 +17,16 @@ LINES = (
     "adatracker-deploy[zenoh]; extra == 'quadruped'",
     "rosbags>=0.11.9; extra == 'quadruped'",
     "eclipse-zenoh==1.10.2; extra == 'zenoh'",
+    "other; platform_machine == 'pdp11' and extra == 'sitl'",
+    f"here; platform_machine == '{platform.machine()}' and extra == 'here'",
 )
 
 
 def test_an_extra_needs_what_metadata_says_and_what_its_own_extras_need():
-    assert extras.requirements(LINES, ["quadruped", "sitl", "somebody-elses"]) == {
-        "quadruped": ["rosbags", "eclipse-zenoh"],
+    assert extras.requirements(LINES, ["quadruped", "sitl", "here", "somebody-elses"]) == {
+        "quadruped": ["eclipse-zenoh", "rosbags"],
         "sitl": ["jsbsim", "mujoco"],
+        "here": ["here"],
         "somebody-elses": [],
     }
 
@@ -31,6 +36,15 @@ def test_what_is_there_is_not_asked_for(monkeypatch):
     with pytest.raises(UsageError, match=r"^it needs mujoco: pip install 'adatracker-deploy\[sitl\]'$"):
         extras.need(["drone", "sitl"], "it")
     extras.need(["drone", "somebody-elses"], "it")
+
+
+def test_a_package_of_ros_is_also_there_where_only_its_module_is(tmp_path, monkeypatch):
+    """A sourced ROS 2 installation is on the path, and no distribution of pip's."""
+    assert not extras.installed("ros-sourced-msgs")
+    (tmp_path / "sourced_msgs.py").touch()
+    monkeypatch.syspath_prepend(tmp_path)
+    assert extras.installed("ros-sourced-msgs")
+    assert not extras.installed("sourced-msgs")
 
 
 def test_this_package_is_installed_and_a_package_that_nobody_has_is_not():
@@ -46,6 +60,7 @@ def test_this_package_is_installed_and_a_package_that_nobody_has_is_not():
         (["--platform", "drone", "--camera", "world://simple_room"], "[drone,world]"),
         (["--platform", "wheeled"], "[wheeled]"),
         (["--platform", "wheeled", "--policy", "ws://gpu:8000"], "[remote,wheeled]"),
+        (["--platform", "wheeled", "--policy", "hf://lab/follower"], "[hub,wheeled]"),
         (["serve"], "[remote]"),
     ],
 )

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.core.geometry import Pose, wrap_angle
+from adatracker_deploy.core.geometry import Pose, Quaternion, wrap_angle
 from adatracker_deploy.core.messages import Box, MaskClass
 from adatracker_deploy.sim.anchor import Anchor
 
@@ -35,6 +35,27 @@ def test_composing_poses_composes_their_rotations_and_places(a, b):
     np.testing.assert_allclose(
         made.translation(), a.rotation() @ b.translation() + a.translation(), atol=1e-7
     )
+
+
+@given(angles, st.floats(-1.5, 1.5), angles)
+def test_a_quaternion_turns_as_its_pose_does(roll, pitch, yaw):
+    w, x, y, z = Quaternion.of(roll, pitch, yaw)
+    axis = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    turned = np.eye(3) + 2 * w * axis + 2 * axis @ axis  # Rodrigues' formula, by quaternions
+    np.testing.assert_allclose(turned, Pose(roll=roll, pitch=pitch, yaw=yaw).rotation(), atol=1e-9)
+
+
+@given(angles, st.floats(-1.5, 1.5), angles)
+def test_a_quaternion_and_its_opposite_give_back_the_angles(roll, pitch, yaw):
+    quaternion = Quaternion.of(roll, pitch, yaw)
+    for same in (quaternion, Quaternion(*(-part for part in quaternion))):
+        assert same.roll_pitch_yaw() == pytest.approx((roll, pitch, yaw), abs=1e-6)
+
+
+@pytest.mark.parametrize("length", [0.0, 0.99, 1.01, math.nan, math.inf])
+def test_a_quaternion_that_is_not_of_unit_length_is_refused(length):
+    with pytest.raises(ValueError, match="not of unit length"):
+        Quaternion(length, 0.0, 0.0, 0.0).roll_pitch_yaw()
 
 
 def test_a_positive_pitch_looks_down_and_a_positive_bearing_is_left():

@@ -35,6 +35,7 @@ def run(tmp_path):
         (tmp_path / "pytest.ini").write_text("[pytest]\nmarkers = realtime\n")
         environment = {**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"}
         environment.pop("CI", None)
+        environment["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"  # what is installed beside starts slowly
         done = subprocess.run(
             [sys.executable, "-m", "pytest", "-p", "tests.reruns", "-p", "no:cacheprovider", str(tmp_path)],
             cwd=tmp_path,

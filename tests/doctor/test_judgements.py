@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,7 @@ def verdict(check):
         (machine.cores_check(2, 0.3), OK, "2, load 0.3"),
         (machine.cores_check(1, 0.0), DOUBTED, "want 2"),
         (machine.cores_check(4, 2.1), DOUBTED, "stop what else runs here"),
-        (machine.governor_check(set()), OK, "not this machine's"),
+        (machine.governor_check(set()), OK, "not adjustable"),
         (machine.governor_check({"performance"}), OK, "performance"),
         (machine.governor_check({"performance", "powersave"}), DOUBTED, "cpupower frequency-set"),
         (machine.realtime_check(False, False), DOUBTED, "rtprio 50"),
@@ -61,12 +62,27 @@ def verdict(check):
             DOUBTED,
             "took 0.30 s of its cores: no",
         ),
-        (timing.policy_check((0.002,) * 50, 10), OK, "p50 2.00, p99 2.00 ms of 100"),
-        (timing.policy_check((0.03,) * 50, 10), DOUBTED, "a smaller network"),
-        (timing.policy_check((0.06,) * 50, 10), REFUSED, "a faster machine"),
-        (timing.perception_check((0.04,) * 50), OK, "p95 40 ms"),
-        (timing.perception_check((0.15,) * 50), DOUBTED, "stop the robot"),
-        (timing.perception_check((0.35,) * 50), REFUSED, "a faster model"),
+        (
+            timing.policy_check((0.002,) * 50, 10, "cuda"),
+            OK,
+            "on cuda a tick takes p50 2.00, p99 2.00 ms of 100",
+        ),
+        (timing.policy_check((0.03,) * 50, 10, "cuda"), DOUBTED, "a smaller network"),
+        (timing.policy_check((0.06,) * 50, 10, "cuda"), REFUSED, "a faster machine"),
+        (
+            timing.perception_check((0.04,) * 50, "model on cpu"),
+            OK,
+            "p95 40 ms, more with people in it (model on cpu)",
+        ),
+        (timing.perception_check((0.15,) * 50, "model on cpu"), DOUBTED, "stop the robot"),
+        (timing.perception_check((0.35,) * 50, "model on cpu"), REFUSED, "a faster model"),
+        (machine.onnxruntime_check({"onnxruntime": "1.32.0"}, ("cpu",)), OK, "onnxruntime 1.32.0, has cpu"),
+        (machine.onnxruntime_check({}, ("cpu",)), OK, "of no known package, has cpu"),  # built by hand
+        (
+            machine.onnxruntime_check({"onnxruntime": "1.32.0", "onnxruntime-gpu": "1.31.0"}, ("cpu",)),
+            REFUSED,
+            "pip uninstall --yes onnxruntime onnxruntime-gpu && pip install onnxruntime-gpu",
+        ),
         (timing.disk_check((0.01,) * 10), OK, "p50 10, at most 10 ms"),
         (timing.disk_check((0.01,) * 9 + (0.2,)), DOUBTED, "--log-dir"),
         (timing.disk_check((1.2,) * 10), REFUSED, "--log-dir"),
@@ -78,6 +94,25 @@ def verdict(check):
 def test_each_finding_is_judged_by_its_limit(check, expected, words):
     assert verdict(check) == expected
     assert words in check.message
+
+
+def test_what_can_be_mended_by_commands_says_which():
+    assert machine.governor_check({"powersave"}).fix == "sudo cpupower frequency-set -g performance"
+    assert machine.governor_check({"performance"}).fix == ""
+    refused, asleep, awake = (
+        machine.realtime_check(allowed, awake)
+        for allowed, awake in ((False, False), (True, False), (True, True))
+    )
+    assert "@realtime - rtprio 50" in refused.fix
+    assert "cpu_dma_latency" in refused.fix
+    assert "cpu_dma_latency" in asleep.fix
+    assert "rtprio" not in asleep.fix
+    assert awake.fix == ""
+
+
+@pytest.mark.parametrize("fix", [machine._FIX_PRIORITY, machine._FIX_AWAKE])
+def test_the_commands_are_a_shells(fix):
+    subprocess.run(["bash", "-n", "-c", fix], check=True)
 
 
 class Slow:
@@ -132,4 +167,5 @@ def test_this_machine_has_an_answer_to_everything(tmp_path):
         "real-time priority",
         "clock",
         "disk space",
+        "onnxruntime",
     ]

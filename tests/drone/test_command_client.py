@@ -139,7 +139,7 @@ def test_a_drone_that_tells_nothing_is_told_nothing():
     _, authority, vehicle, talk = flying(tells=False)
     vehicle._clock.news.clear()
     authority.withdraw(vehicle, "enough")
-    with pytest.raises(PlatformError, match="nobody knows whose the drone is"):
+    with pytest.raises(PlatformError, match="nobody knows who controls the drone"):
         talk.order_down(LAND, "LAND")
     assert vehicle.orders == []
     assert authority.in_charge, "it may still tell later"

@@ -240,7 +240,7 @@ def test_somebody_else_on_a_link_where_nobody_may_be_ends_a_flight():
     rig.authority = ControlAuthority(Connection(alone=True), rig.clock)
     rig.engage().steer(Twist(vx=1.0))
     rig.vehicle.strangers = 1
-    with pytest.raises(PlatformError, match="somebody else talks"):
+    with pytest.raises(PlatformError, match="somebody else sends"):
         rig.steer(Twist(vx=1.0))
     assert rig.vehicle.sent[-1].vx == 0.0
 

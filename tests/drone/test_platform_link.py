@@ -106,7 +106,7 @@ def test_a_second_talker_with_the_autopilots_id_changes_nothing_and_is_told_of()
         assert "ignored from an address that is not the autopilot's" in told[0]
         link = link_of(platform.preflight())
         assert not link.ok
-        assert "somebody else talks" in link.message
+        assert "somebody else sends" in link.message
 
 
 def test_ten_thousand_hostile_datagrams_from_the_autopilots_own_address_print_nothing_and_move_nothing(capfd):

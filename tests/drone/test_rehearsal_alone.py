@@ -103,7 +103,7 @@ def test_a_foreign_drone_on_the_rehearsals_own_port_keeps_it_from_arming():
         platform.connect()
         until(lambda: not link_check(platform).ok)
         assert link_check(platform).blocking
-        with pytest.raises(PlatformError, match="somebody else talks"):
+        with pytest.raises(PlatformError, match="somebody else sends"):
             platform.engage()
         assert platform.state().landed
         assert foreign.reached == b""
@@ -116,7 +116,7 @@ def test_a_foreign_drone_that_begins_to_talk_in_flight_ends_the_rehearsal():
         platform.engage()
         platform.send(Twist(vx=0.5), platform.clock.now_ns())
         foreign.ports.add(port_of(platform))
-        with pytest.raises(PlatformError, match="somebody else talks"):
+        with pytest.raises(PlatformError, match="somebody else sends"):
             drive(platform, 5.0)
         platform.disengage()
         assert platform.state().landed

@@ -6,13 +6,12 @@ The watchers share no code with the robots' packages: one reads socketcand's tex
 from __future__ import annotations
 
 import abc
+import contextlib
 import itertools
 import json
 import math
 import socket
 import struct
-import subprocess
-import sys
 import threading
 import time
 from dataclasses import dataclass
@@ -22,6 +21,7 @@ import yaml
 import zenoh
 
 from adatracker_deploy.registry import profile_dir
+from tests.by_hand import simulator_by_hand
 from tests.quadruped.cdr import LAYOUTS, decode
 
 from .cable import Cable
@@ -96,14 +96,11 @@ class GroundRobot(abc.ABC):
 
     def __init__(self, folder, *arguments: str) -> None:
         self.watcher = Watcher()
-        self.simulator = subprocess.Popen(
-            [sys.executable, "-m", self.module, "--profile", self.shipped, *self.any_port, *arguments],
-            stdout=subprocess.PIPE,
-            text=True,
+        self._simulated = contextlib.ExitStack()
+        there = self._simulated.enter_context(
+            simulator_by_hand(self.module, "--profile", self.shipped, *self.any_port, *arguments)
         )
-        line = self.simulator.stdout.readline()
-        assert line.startswith('{"ready"'), line
-        self.ready = json.loads(line)["ready"]
+        self.simulator, self.ready = there.process, there.ready
         self.cable = Cable(("127.0.0.1", self.port()))
         document = yaml.safe_load((profile_dir() / f"{self.shipped}.yaml").read_text())
         document["limits"]["forward_m_s"] = 0.5  # the speed that the published stop times were taken at
@@ -127,9 +124,7 @@ class GroundRobot(abc.ABC):
     def close(self) -> None:
         self.unwatch()
         self.cable.close()
-        self.simulator.kill()
-        self.simulator.wait()
-        self.simulator.stdout.close()
+        self._simulated.close()
 
 
 class Wheeled(GroundRobot):

@@ -8,6 +8,7 @@ import pytest
 
 from adatracker_deploy.cli import main
 from adatracker_deploy.trial.reader import read_trial
+from tests.tiers import EXHAUSTIVE
 
 from .conftest import started
 
@@ -16,7 +17,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(240)]
 STEPS = 120
 
 
-@pytest.mark.parametrize("platform", ["wheeled", "quadruped", "drone"])
+@pytest.mark.parametrize("platform", [pytest.param("wheeled", marks=EXHAUSTIVE), "quadruped", "drone"])
 def test_every_robot_finds_and_follows_its_target_in_rendered_pictures(
     tmp_path, profile, capsys, measured, platform
 ):

@@ -1,6 +1,6 @@
 """Rows of the fault matrix, what they leave, and that none is ok whose injector does nothing.
 
-CI runs them all (`adatracker-deploy faults`).
+CI runs them all every night (`adatracker-deploy faults`), and a sample for each change.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from adatracker_deploy.faults.rehearse import rehearse
 from adatracker_deploy.faults.stalls import StallMonitor
 from adatracker_deploy.registry import load_platform, load_profile
 from adatracker_deploy.trial.reader import find_trials, read_trial
+from tests.tiers import EXHAUSTIVE
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(240)]
 
@@ -62,7 +63,14 @@ def test_after_a_killed_tracker_a_second_run_engages_the_same_robot_again(tmp_pa
     assert (result.verdict, result.again) == ("ok", "engages again"), result
 
 
-@pytest.mark.parametrize("name", ["tracker_kill", "link_stop@engaging", "gc_pause", "interrupt@disengaging"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "link_stop@engaging",
+        "gc_pause",
+        *(pytest.param(name, marks=EXHAUSTIVE) for name in ("tracker_kill", "interrupt@disengaging")),
+    ],
+)
 def test_a_row_whose_injector_does_nothing_is_not_ok(tmp_path, monkeypatch, name):
     row = row_of(name)
     command = (sys.executable, str(TOOTHLESS), row.fault)

@@ -9,13 +9,14 @@ import pytest
 
 from adatracker_deploy.cli import main
 from adatracker_deploy.trial.reader import read_trial
+from tests.tiers import EXHAUSTIVE
 
 from .conftest import COMMAND, Flight
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(240)]
 
 
-@pytest.mark.parametrize("platform", ["wheeled", "quadruped"])
+@pytest.mark.parametrize("platform", ["wheeled", pytest.param("quadruped", marks=EXHAUSTIVE)])
 def test_a_ground_robot_follows_to_the_horizon(tmp_path, measured, platform):
     run = Flight(
         [

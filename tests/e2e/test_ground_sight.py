@@ -18,6 +18,7 @@ from adatracker_deploy.core.messages import ZERO, Frame
 from adatracker_deploy.perception.mjpeg_server import MjpegServer
 from adatracker_deploy.policy.base import STALE_OBSERVATION_S
 from adatracker_deploy.trial.reader import read_trial
+from tests.tiers import EXHAUSTIVE
 
 from .conftest import COMMAND, started
 from .ground_robots import Wheeled
@@ -70,8 +71,8 @@ RUBBISH = "system_fault"
 SEGMENTERS = {
     "stalls": ("safety_stop", "no new camera frame for 2"),
     "raises": (RUBBISH, "perception: ZeroDivisionError: the network has no weights"),
-    "earlier": (RUBBISH, "segmenter: gave an observation of another frame"),
-    "not a number": (RUBBISH, "segmenter: gave a box that is none"),
+    "earlier": (RUBBISH, "segmenter: returned an observation of another frame"),
+    "not a number": (RUBBISH, "segmenter: returned an invalid box"),
 }
 
 
@@ -173,10 +174,10 @@ def test_a_camera_that_goes_wrong_ends_a_dry_run_and_its_return_changes_nothing(
     stopped_for_good(tmp_path, onset_ns, f"camera: {fault.__name__}", measured)
 
 
-@pytest.mark.parametrize("how", ["stalls", "raises"])
+@pytest.mark.parametrize("how", [pytest.param("stalls", marks=EXHAUSTIVE), "raises"])
 def test_a_robot_whose_segmenter_goes_wrong_stands_and_begins_no_other_trial(tmp_path, measured, how):
     with (
-        contextlib.closing(Wheeled(tmp_path, "--seed", "3", "--target-speed", "0.5")) as robot,
+        contextlib.closing(Wheeled(tmp_path, "--scenario", '{"seed": 3, "target_speed_m_s": 0.5}')) as robot,
         started(tmp_path, "--platform", "wheeled", "--profile", str(robot.profile)) as start,
     ):
         run = start(

@@ -19,6 +19,7 @@ from pathlib import Path
 import pytest
 
 from tests.policy.servers import serving
+from tests.tiers import EXHAUSTIVE
 
 from .conftest import started
 from .ground_robots import ROBOTS
@@ -35,9 +36,15 @@ LEASE_S = 1.5 + BUSY_S
 """A frozen connection: nothing more comes, and each side finds out by itself."""
 
 
+ON_ONE = pytest.mark.parametrize(
+    "robot", ["wheeled", pytest.param("quadruped", marks=EXHAUSTIVE)], indirect=True
+)
+"""What the toolkit does by itself; what a wire or a robot does is shown with both."""
+
+
 @pytest.fixture(params=ROBOTS)
 def robot(request, tmp_path):
-    robot = ROBOTS[request.param](tmp_path, "--seed", "3", "--target-speed", "0.5")
+    robot = ROBOTS[request.param](tmp_path, "--scenario", '{"seed": 3, "target_speed_m_s": 0.5}')
     with contextlib.closing(robot):
         yield robot
 
@@ -66,6 +73,7 @@ def strike(measured, robot, what: str, action, limit_s: float) -> float:
     return stopped(measured, robot, what, onset_s, limit_s)
 
 
+@ON_ONE
 def test_at_its_normal_end_it_stands(drive, robot, measured):
     run = drive("--steps", "150", "--json")
     robot.watcher.wait_until_cruising(CRUISE_M_S)
@@ -77,6 +85,7 @@ def test_at_its_normal_end_it_stands(drive, robot, measured):
     assert robot.watcher.samples[-1].speed_m_s < 0.05
 
 
+@ON_ONE
 def test_after_an_unexpected_error_it_stands(drive, robot, measured):
     failing = [sys.executable, str(Path(__file__).with_name("failing_tracker.py"))]
     run = drive("--steps", "2000", command=failing)
@@ -84,11 +93,13 @@ def test_after_an_unexpected_error_it_stands(drive, robot, measured):
     stopped(measured, robot, "exception", time.monotonic(), TOLD_S)
 
 
+@ON_ONE
 def test_a_tracker_that_dies(drive, robot, measured):
     run = drive("--steps", "2000")
     strike(measured, robot, "tracker, SIGKILL", lambda: os.kill(run.pid, signal.SIGKILL), ROBOTS_OWN_S)
 
 
+@ON_ONE
 def test_its_policys_server_is_killed(drive, robot, measured):
     with serving() as (server, uri):
         run = drive("--steps", "2000", "--json", "--policy", uri)

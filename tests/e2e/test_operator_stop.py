@@ -18,6 +18,7 @@ from adatracker_deploy.cli import main
 from adatracker_deploy.registry import profile_dir
 from adatracker_deploy.runtime.running import PLACE_VARIABLE, folder
 from adatracker_deploy.trial.reader import read_trial
+from tests.tiers import EXHAUSTIVE
 
 from .conftest import COMMAND, gone
 
@@ -146,7 +147,11 @@ def test_a_trial_that_ends_by_itself_says_so_and_is_waited_for(trial, tmp_path):
     assert read_trial(log).complete
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP], ids=lambda n: n.name)
+@pytest.mark.parametrize(
+    "number",
+    [signal.SIGHUP, *(pytest.param(each, marks=EXHAUSTIVE) for each in (signal.SIGINT, signal.SIGTERM))],
+    ids=lambda number: number.name,
+)
 def test_a_stop_while_a_trial_ends_lets_no_other_begin(trial, number):
     ending = trial("--steps", "20", "--trials", "3", stdout_until="disengaging")
     ending.send_signal(number)
@@ -172,6 +177,21 @@ def test_a_dropped_terminal_stops_the_robot_in_order(tmp_path):
     trial = read_trial(log)
     assert trial.complete
     assert trial.summary["outcome"] == "interrupted"
+
+
+def test_a_trial_that_was_asked_to_goes_on_without_its_terminal(tmp_path):
+    pid, terminal = pty.fork()
+    if pid == 0:  # pragma: no cover
+        os.chdir(tmp_path)
+        os.execv(sys.executable, [*COMMAND, *TRIAL, "--steps", "60", "--on-hangup", "continue"])
+    said = b""
+    while FOLLOWING.encode() not in said:
+        said += os.read(terminal, 4096)
+    os.close(terminal)
+    _, status = os.waitpid(pid, 0)
+    assert os.waitstatus_to_exitcode(status) == 0
+    (log,) = (tmp_path / "trials").iterdir()
+    assert read_trial(log).summary["outcome"] == "completed"
 
 
 def test_a_folder_that_others_can_write_is_refused(tmp_path, capsys):
@@ -223,7 +243,7 @@ def test_enter_stops_in_a_terminal(tmp_path):
             said += os.read(terminal, 4096)
     _, status = os.waitpid(pid, 0)
     os.close(terminal)
-    assert os.waitstatus_to_exitcode(status) == 130
+    assert os.waitstatus_to_exitcode(status) == 130, said.decode()
     assert b"stopped by the operator" in said
 
 

@@ -11,11 +11,12 @@ from adatracker_deploy.cli import main
 from adatracker_deploy.policy.catalogue import DEFAULT, load_policy
 from adatracker_deploy.trial.reader import read_trial
 from tests.policy.servers import serving
+from tests.tiers import EXHAUSTIVE
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(240)]
 
 
-@pytest.mark.parametrize("speed", ["1", "3"])
+@pytest.mark.parametrize("speed", [pytest.param("1", marks=EXHAUSTIVE), "3"])
 def test_a_drone_follows_to_the_horizon_and_lands(fly, station, tmp_path, measured, speed):
     flight = fly("--seed", "1", "--steps", "400", "--json", "--speed", speed)
     status, summary, err = flight.end(timeout_s=200)
@@ -32,6 +33,7 @@ def test_a_drone_follows_to_the_horizon_and_lands(fly, station, tmp_path, measur
     measured(f"drone x{speed}: MR {mr:.3f}, AR {ar:.0f}, {rate_hz:.2f} Hz")
 
 
+@EXHAUSTIVE  # all three robots do, in test_ground_rehearsal
 def test_several_trials_print_the_papers_row(fly):
     flight = fly("--trials", "2", "--steps", "60", "--speed", "4", "--json")
     status, summary, err = flight.end(timeout_s=200)

@@ -13,38 +13,20 @@ import yaml
 
 from adatracker_deploy.registry import profile_dir
 from adatracker_deploy.trial.reader import read_trial
+from tests.by_hand import simulator_by_hand
 from tests.drone.serial_cable import SerialCable
 
 pytestmark = pytest.mark.slow
-
-
-@contextlib.contextmanager
-def simulated_autopilot(port, settings):
-    """The simulator's process as an engineer starts it."""
-    process = subprocess.Popen(
-        (
-            *(sys.executable, "-m", "adatracker_drone.sim.sitl"),
-            *("--port", str(port), "--settings", json.dumps(settings)),
-        ),
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        assert process.stdout.readline().startswith('{"ready"')
-        yield process
-    finally:
-        process.kill()
-        process.wait()
-        process.stdin.close()
-        process.stdout.close()
 
 
 def test_a_drone_follows_over_a_serial_cable(tmp_path):
     document = yaml.safe_load((profile_dir() / "px4_quad.yaml").read_text(encoding="utf-8"))
     with (
         contextlib.closing(SerialCable()) as cable,
-        simulated_autopilot(cable.port, document["sitl"]),
+        simulator_by_hand(
+            "adatracker_drone.sim.sitl",
+            *("--port", str(cable.port), "--settings", json.dumps(document["sitl"])),
+        ),
     ):
         document["connection"]["url"] = f"serial://{cable.device}:921600"
         profile = tmp_path / "pixhawk.yaml"

@@ -80,10 +80,10 @@ def test_a_run_stopped_before_its_first_episode_says_so_and_nothing_else(capsys,
         (("--episodes", "0"), "episodes: 0"),
         (("--workers", "0"), "--workers: 0"),
         (("--picture", "grid.jpg"), "ends in .png"),
-        (("--swap",), "--swap belongs to --context"),
+        (("--swap",), "--swap needs --context"),
         (("--context", "z.png", "--policy", "pid", "--policy", "adatracker"), "studies one policy"),
         (("--context", "z.png", "--policy", "pid"), "no context encoder"),
-        (("--context", "z.png", "--policy", "pid", "--latex", "t.tex"), "of the grid"),
+        (("--context", "z.png", "--policy", "pid", "--latex", "t.tex"), "show the grid"),
     ],
 )
 def test_what_is_wrong_is_said_in_one_line(capsys, arguments, words):

@@ -96,7 +96,7 @@ def test_too_few_bodies_are_refused():
         explained(bodies(3))
     with pytest.raises(ValueError, match="no plane"):
         plane(np.zeros((1, 4)))
-    with pytest.raises(UsageError, match="8 at least"):
+    with pytest.raises(UsageError, match="at least 8"):
         study_context("pid", play_all, bodies=7)
 
 

@@ -67,7 +67,7 @@ def test_motion_that_resumes_after_the_return_is_late_however_soon_it_stopped():
     ("changes", "note"),
     [
         ({"outcome": "completed"}, "ended as completed"),
-        ({"log_whole": False}, "the log is not whole"),
+        ({"log_whole": False}, "the log is incomplete"),
         ({"outcome": ""}, "ended as nothing"),
         ({"account": Account()}, "it ended before: no picture"),
         ({"account": replace(evidence().account, off=False)}, "was not seen to come to rest"),
@@ -75,7 +75,7 @@ def test_motion_that_resumes_after_the_return_is_late_however_soon_it_stopped():
             {"account": replace(evidence().account, speeds=((ONSET_NS, 0.1),))},
             "not moving at the onset: 0.10",
         ),
-        ({"account": replace(evidence().account, suffered=())}, "the robot was not heard to suffer it"),
+        ({"account": replace(evidence().account, suffered=())}, "the robot did not report the fault"),
         ({"account": replace(evidence().account, phases=())}, "it struck while nothing was on"),
     ],
 )

@@ -11,7 +11,7 @@ import threading
 import pytest
 
 from adatracker_deploy import platform, registry
-from adatracker_deploy.cli import faults, main
+from adatracker_deploy.cli import extras, faults, main
 from adatracker_deploy.faults.judge import Result
 from adatracker_deploy.faults.stalls import StallMonitor
 from adatracker_deploy.faults.table import BEGIN, END
@@ -48,8 +48,17 @@ def test_a_robot_whose_simulator_takes_no_orders_is_refused_or_left_out(capsys, 
     monkeypatch.setattr(registry, "load_profile", lambda *_: None)
     monkeypatch.setattr(FakePlatform, "sitl", lambda _: NoOrders())
     assert main(["faults", "--platform", "fake"]) == 2
-    assert "its simulator takes no orders" in capsys.readouterr().err
+    assert "its simulator takes no commands" in capsys.readouterr().err
     assert main(["faults"]) == 0
+
+
+def test_a_robot_whose_libraries_are_not_installed_is_refused_or_left_out_aloud(capsys, monkeypatch):
+    monkeypatch.setattr(registry, "platform_names", lambda: ["ros2"])
+    monkeypatch.setattr(extras, "installed", lambda name: name != "ros-rclpy")
+    assert main(["faults", "--platform", "ros2"]) == 2
+    assert "platform ros2 needs ros-rclpy: pip install" in capsys.readouterr().err
+    assert main(["faults"]) == 0
+    assert capsys.readouterr().err.startswith("left out: platform ros2 needs ros-rclpy")
 
 
 class NoOrders(platform.Sitl):
@@ -157,7 +166,7 @@ def test_every_first_failure_is_told_and_counted(capsys, monkeypatch):
     (told,) = json.loads(captured.out)["faults"]
     assert told["first_failure"] == "WRONG (limit ), machine stalled 0.20 s"
     assert "first try of wheeled link_kill: WRONG" in captured.err
-    assert "not as they should be at their first try: 1" in captured.err
+    assert "failed at their first try: 1" in captured.err
 
 
 def test_phases_are_chosen_by_name(capsys):

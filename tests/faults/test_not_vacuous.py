@@ -16,7 +16,7 @@ from adatracker_deploy.sim.ground_truth import Told
 
 from .evidences import ONSET_NS, as_it_should, commands, nothing_happened, ns
 
-ROBOTS = {"drone": True, "quadruped": False, "wheeled": False}
+ROBOTS = {"drone": True, "quadruped": False, "ros2": False, "wheeled": False}
 CELLS = [
     pytest.param(row, robot, id=f"{robot}-{row.name}")
     for robot, flies in ROBOTS.items()

@@ -143,7 +143,7 @@ class Robot:
                 self.moving_s.append(time.monotonic())
             self.reasons.update(status.reasons)
 
-    def send(self, twist, now_ns, target_share=None, seen_ns=None):
+    def send(self, twist, now_ns, target_share=None, seen_ns=None, held_until_ns=None):
         self._newest = Setpoint(twist, now_ns, target_share, seen_ns)
 
     def status(self):

@@ -42,15 +42,15 @@ def test_an_observation_of_the_frame_gets_through(change):
 NONSENSE = [
     ({"seq": 2}, "of another frame"),
     ({"t_ns": FRAME.t_ns - 1}, "of another frame"),
-    ({"mask": np.zeros((160, 160, 1), np.uint8)}, "no class mask"),
-    ({"mask": np.zeros(160, np.uint8)}, "no class mask"),
-    ({"mask": np.zeros((160, 160))}, "no class mask"),
-    ({"mask": np.zeros((160, 160), bool)}, "no class mask"),
-    ({"mask": np.zeros((0, 160), np.uint8)}, "no class mask"),
-    ({"mask": np.full((160, 160), 4, np.uint8)}, "no class mask"),
-    ({"mask": np.full((160, 160), 255, np.uint8)}, "no class mask"),
+    ({"mask": np.zeros((160, 160, 1), np.uint8)}, "invalid class mask"),
+    ({"mask": np.zeros(160, np.uint8)}, "invalid class mask"),
+    ({"mask": np.zeros((160, 160))}, "invalid class mask"),
+    ({"mask": np.zeros((160, 160), bool)}, "invalid class mask"),
+    ({"mask": np.zeros((0, 160), np.uint8)}, "invalid class mask"),
+    ({"mask": np.full((160, 160), 4, np.uint8)}, "invalid class mask"),
+    ({"mask": np.full((160, 160), 255, np.uint8)}, "invalid class mask"),
     *(
-        ({"box": Box(**({"cx": 0.5, "cy": 0.5, "w": 0.2, "h": 0.4} | {side: value}))}, "a box that is none")
+        ({"box": Box(**({"cx": 0.5, "cy": 0.5, "w": 0.2, "h": 0.4} | {side: value}))}, "an invalid box")
         for side, values in {
             "cx": (-0.01, 1.01, NAN, np.inf),
             "cy": (-0.01, 1.01, NAN),
@@ -67,7 +67,7 @@ NONSENSE = [
 
 @pytest.mark.parametrize(("change", "reason"), NONSENSE)
 def test_nonsense_is_refused_in_one_sentence(change, reason):
-    with pytest.raises(PlatformError, match=f"^segmenter: gave .*{reason}") as refused:
+    with pytest.raises(PlatformError, match=f"^segmenter: returned .*{reason}") as refused:
         perceive(FRAME, lambda frame: replace(GOOD, **change))
     assert len(str(refused.value).splitlines()) == 1
 
@@ -107,8 +107,8 @@ def good(frame):
         (lambda frame: replace(good(frame), mask=[[0]]), "perception: AttributeError"),
         (lambda frame: replace(good(frame), box=(0, 0, 1, 1)), "perception: AttributeError"),
         (lambda frame: replace(good(frame), confidence=None), "perception: TypeError"),
-        (lambda frame: replace(good(frame), confidence=2.0), "segmenter: gave a confidence of 2.0"),
-        (lambda frame: replace(good(frame), seq=0), "segmenter: gave an observation of another frame"),
+        (lambda frame: replace(good(frame), confidence=2.0), "segmenter: returned a confidence of 2.0"),
+        (lambda frame: replace(good(frame), seq=0), "segmenter: returned an observation of another frame"),
         (TruthSegmenter(), "this frame carries no truth"),
     ],
 )

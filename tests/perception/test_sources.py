@@ -52,7 +52,7 @@ def test_a_path_means_a_video_file(tmp_path):
 @pytest.mark.parametrize("uri", ["world://simple_room", "robot://camera/image"])
 def test_what_belongs_to_a_run_is_right_but_cannot_be_opened_alone(uri):
     check_uri(uri)
-    with pytest.raises(UsageError, match="only a run with its robot"):
+    with pytest.raises(UsageError, match="only in a run with its robot"):
         open_source(uri, FakeClock())
 
 
@@ -150,7 +150,7 @@ def test_a_folder_without_pictures_is_refused(tmp_path, names):
 
 
 def test_a_pipeline_is_refused_where_opencv_has_no_gstreamer_and_where_it_has_no_end():
-    with pytest.raises(UsageError, match=r"no GStreamer.*install one that has|must end in"):
+    with pytest.raises(UsageError, match=r"lacks GStreamer.*install one that has|must end in"):
         check_uri("gst:videotestsrc")
 
 

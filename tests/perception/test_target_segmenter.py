@@ -15,7 +15,7 @@ from adatracker_deploy.perception.roles import Instances
 from adatracker_deploy.perception.segmenter import check_observation
 from adatracker_deploy.perception.target.choice import Choice
 from adatracker_deploy.perception.target.lock import BRIDGED_S
-from adatracker_deploy.perception.target_segmenter import CUT_OUT, TargetSegmenter
+from adatracker_deploy.perception.target_segmenter import CUT_OUT, SEARCHED, TargetSegmenter
 
 pytestmark = pytest.mark.usefixtures("chosen_at_once")
 
@@ -286,6 +286,22 @@ def test_the_detector_is_told_how_tall_the_target_is_while_it_is_in_sight():
     detector = Missing(lambda tall: True)
     watch(film(*[scene()] * 4), TargetSegmenter(detector, None))
     assert detector.told[1:] == [120 / 400] * 3
+
+
+def test_the_detector_is_told_so_while_single_pictures_miss_the_target_and_all_sizes_when_it_is_lost():
+    """It coasts for a second, of 20 pictures."""
+    detector = Missing(lambda tall: len(detector.told) not in {6, 7} and len(detector.told) < 12)
+    seen = watch(film(*[scene()] * 40), TargetSegmenter(detector, None))
+    here = 120 / 400
+    assert [each.target for each in seen[5:8]] == [
+        TargetState.COASTING,
+        TargetState.COASTING,
+        TargetState.TRACKED,
+    ]
+    lost = next(n for n, each in enumerate(seen) if each.target is TargetState.LOST)
+    assert set(detector.told[1 : lost + 1]) == {here}
+    assert lost >= 30
+    assert set(detector.told[lost + 1 :]) == set(SEARCHED)
 
 
 def test_a_target_that_one_picture_misses_is_drawn_where_it_goes():

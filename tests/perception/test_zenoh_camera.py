@@ -207,7 +207,7 @@ def test_images_without_a_stamp_are_all_taken(unstamped, robot):
 def test_a_robot_that_goes_is_gone_at_once(camera, robot):
     robot.session.close()
     began_s = time.monotonic()
-    assert "nobody answers at tcp/127" in until(lambda: ended(camera))
+    assert "nothing answers at tcp/127" in until(lambda: ended(camera))
     assert time.monotonic() - began_s < 1.5
 
 

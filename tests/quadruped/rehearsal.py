@@ -3,9 +3,6 @@
 import contextlib
 import dataclasses
 import math
-import signal
-import subprocess
-import sys
 from pathlib import Path
 
 from adatracker_deploy.core.clock import MonotonicClock
@@ -14,6 +11,7 @@ from adatracker_deploy.registry import load_profile
 from adatracker_quadruped.platform import QuadrupedPlatform
 from adatracker_quadruped.protocol.rehearsal_keys import SitlKeys
 from adatracker_quadruped.protocol.session import open_session
+from tests.by_hand import simulator_by_hand
 from tests.quadruped.routers import publisher_of, until
 
 PERIOD_NS = 20_000_000
@@ -77,22 +75,9 @@ def moved(platform, since, seconds=1.0):
     return since.distance_to(pose.x, pose.y)
 
 
-@contextlib.contextmanager
 def by_hand(port):
-    """The simulator's process as an engineer starts it; gives the process once it is up."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", "adatracker_quadruped.sim.sitl", "--listen", f"tcp/127.0.0.1:{port}"],
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        assert process.stdout.readline().startswith('{"ready"')
-        yield process
-    finally:
-        process.send_signal(signal.SIGCONT)
-        process.kill()
-        process.wait()
-        process.stdout.close()
+    """The simulator's process as an engineer starts it."""
+    return simulator_by_hand("adatracker_quadruped.sim.sitl", "--listen", f"tcp/127.0.0.1:{port}")
 
 
 def memory_kb(pid):

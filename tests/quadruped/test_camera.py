@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 import pytest
 
+from adatracker_deploy.config.camera_topic import with_camera
 from adatracker_deploy.core.camera import OPEN_TIMEOUT_S
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import PlatformError, UsageError
@@ -22,7 +23,6 @@ from adatracker_deploy.core.messages import MaskClass, Truth
 from adatracker_deploy.perception.compressed_image import CompressedImage
 from adatracker_quadruped.adapter.camera import ZenohCamera
 from adatracker_quadruped.platform import QuadrupedPlatform
-from adatracker_quadruped.protocol.camera_topic import with_camera
 from adatracker_quadruped.protocol.keys import Keys
 from adatracker_quadruped.protocol.messages import encode_compressed_image
 from adatracker_quadruped.protocol.publisher import Publisher
@@ -278,7 +278,7 @@ def test_a_camera_that_shows_nothing_new_is_gone_after_two_seconds(rehearsal, fa
 def test_a_camera_whose_router_was_killed_is_gone_at_once(rehearsal):
     sitl, _, camera = rehearsal
     os.kill(sitl.pid, signal.SIGKILL)
-    took_s = ends_after(camera, "nobody answers")
+    took_s = ends_after(camera, "nothing answers")
     print(f"router killed: camera refused after {took_s * 1e3:.0f} ms")
     assert took_s < 0.2
 

@@ -6,13 +6,13 @@ import random
 import pytest
 import zenoh
 
+from adatracker_deploy.config.camera_topic import with_camera
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.geometry import Pose
 from adatracker_deploy.core.messages import ZERO
 from adatracker_deploy.perception.compressed_image import CompressedImage
 from adatracker_quadruped.adapter.camera import ZenohCamera
-from adatracker_quadruped.protocol.camera_topic import with_camera
 from adatracker_quadruped.protocol.keys import Keys
 from adatracker_quadruped.protocol.messages import (
     Imu,

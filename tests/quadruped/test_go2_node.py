@@ -57,6 +57,17 @@ def go2():
         yield go2
 
 
+def walks(go2, commands):
+    """Command it until it walks."""
+    until(lambda: commands.matching_status.matching)
+
+    def walked():
+        commands.put(encode_twist(AHEAD))
+        return AHEAD in go2.moves
+
+    until(walked)
+
+
 @pytest.mark.slow
 def test_a_bare_go2_is_walked_and_heard_by_the_shipped_profile(go2):
     port = free_port()
@@ -115,13 +126,7 @@ def test_a_host_that_dies_stops_the_robot_before_the_time_out_does(go2):
         with open_session(connection) as session:
             token = session.liveliness().declare_token(connection.host_token)
             commands = publisher_of(session, Keys(connection).command)
-            until(lambda: commands.matching_status.matching)
-
-            def walked():
-                commands.put(encode_twist(AHEAD))
-                return AHEAD in go2.moves
-
-            until(walked)
+            walks(go2, commands)
             assert token is not None
         until(lambda: len(go2.stops) == STOPS)
         last_s = max(at_s for at_s, request in go2.asked if request.twist is not None)
@@ -134,13 +139,7 @@ def test_a_node_that_is_ended_stops_a_robot_that_walks(go2):
     connection = rehearsed(endpoint=f"tcp/127.0.0.1:{port}").connection
     with node(go2, port) as process, open_session(connection) as session:
         commands = publisher_of(session, Keys(connection).command)
-        until(lambda: commands.matching_status.matching)
-
-        def walked():
-            commands.put(encode_twist(AHEAD))
-            return AHEAD in go2.moves
-
-        until(walked)
+        walks(go2, commands)
         process.send_signal(signal.SIGTERM)
         assert process.wait(10) == 0
     until(lambda: len(go2.stops) >= STOPS)
@@ -159,7 +158,7 @@ def test_without_an_interface_it_would_speak_everywhere_and_is_refused(monkeypat
 @pytest.mark.parametrize("interface", ['x"/>', "a" * 16])
 def test_what_is_no_interface_is_refused(capsys, interface):
     assert node_module.main(["--interface", interface]) == 2
-    assert "is no network interface" in capsys.readouterr().err
+    assert "is not a network interface" in capsys.readouterr().err
 
 
 def test_the_unit_file_starts_the_node_with_arguments_that_it_has():

@@ -157,7 +157,7 @@ def test_of_two_that_start_at_once_exactly_one_has_the_robot(elsewhere, measured
     with simulator() as (_, profile):
         own = dataclasses.asdict(profile.connection)
         connection = {name: own[name] for name in ("endpoint", "rehearsal_token", "camera_topic")}
-        results = race("quadruped", connection, *elsewhere, starts=50 if exhaustive else 10)
+        results = race("quadruped", connection, *elsewhere, starts=50 if exhaustive else 5)
     counts = [len(owners(result)) for result in results]
     where = "on two machines" if elsewhere else "on one machine"
     measured(

@@ -248,13 +248,13 @@ def test_a_disengaged_robot_stands_and_one_that_is_not_seen_to_stand_is_told():
 def test_a_router_that_is_gone_and_comes_back_resumes_nothing():
     port = free_port()
     profile = rehearsed(endpoint=f"tcp/127.0.0.1:{port}")
-    with by_hand(port) as process:
+    with by_hand(port) as there:
         platform = QuadrupedPlatform(profile, MonotonicClock())
         platform.connect()
         platform.engage()
         send_for(platform, WALK, 0.5)
-        process.kill()
-        process.wait()
+        there.process.kill()
+        there.process.wait()
         took_s = walks_until_it_fails(platform, "the robot is gone|no odometry|nobody subscribes")
         print(f"router gone: latched after {took_s * 1e3:.0f} ms")
         assert took_s < 0.2

@@ -44,7 +44,7 @@ def test_a_fit_robot_passes_and_every_check_says_what_was_found():
         ({"attitude": (0.0, math.radians(-35), 0.0)}, "upright", "leans by 35 degrees"),
         ({"attitude": None}, "upright", "no attitude"),
         ({"battery": 0.1}, "battery", "10%; charge it to 20% at least"),
-        ({"battery": None}, "battery", "does not tell its charge"),
+        ({"battery": None}, "battery", "does not report its charge"),
     ],
 )
 def test_each_unfitness_refuses_by_its_name_and_says_what_to_do(changes, name, says):

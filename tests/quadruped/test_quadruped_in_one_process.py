@@ -6,11 +6,11 @@ from typing import ClassVar
 
 import pytest
 
+from adatracker_deploy.config.camera_topic import with_camera
 from adatracker_deploy.platform import Sitl
 from adatracker_deploy.sim.process import FaultCommands
 from adatracker_deploy.testing.conformance import PlatformConformance
 from adatracker_quadruped.platform import QuadrupedPlatform
-from adatracker_quadruped.protocol.camera_topic import with_camera
 from adatracker_quadruped.protocol.rehearsal_keys import ON_DEMAND
 from adatracker_quadruped.sim.simulator import Robot, Simulator
 from tests.quadruped.rehearsal import rehearsed

@@ -44,11 +44,11 @@ def tap(session, profile, topic, decode):
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["--scene", "the_moon"], "the_moon"),
+        (["--scenario", '{"scene": "the_moon"}'], "the_moon"),
         (["--profile", "px4_quad"], "is a profile for platform 'drone'"),
         (["--robot", '{"camera_hz": 20}'], "missing key"),
         (["--robot", "no JSON"], "Expecting value"),
-        (["--target-speed", "nan"], "expected 0 to 5"),
+        (["--scenario", '{"target_speed_m_s": 6}'], "expected 0 to 5"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line_with_status_2(arguments, says):

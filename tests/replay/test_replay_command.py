@@ -41,7 +41,7 @@ def test_the_same_bundle_answers_the_same_and_exits_with_0(capsys, trial, bundle
     status, out, err = replay(capsys, trial, "--policy", bundle)
     assert (status, err) == (0, "")
     assert out.splitlines() == [
-        "policy tiny: 30 ticks asked again",
+        "policy tiny: 30 ticks re-run",
         "every action and every z is the same to the bit",
     ]
 
@@ -149,16 +149,16 @@ def test_another_profiles_limits_judge_the_commands_again(capsys, trial, bundle,
     assert gate["differences"]["vx"]["most"] > 0
     status, out, _ = replay(capsys, trial, "--policy", bundle, "--profile", slow)
     assert "forward_m_s: 1.5 -> 0.001" in out
-    assert "by its own limits this judgement is off from what was sent by" in out
+    assert "under the trial's own limits this judgement differs from the sent command by" in out
 
 
 @pytest.mark.parametrize(
     ("config", "words"),
     [
         ({"profile": {"limits": {}}, "seed": 0}, "limits: missing key 'forward_m_s'"),
-        ({"seed": 0}, "does not say the robot's limits"),
+        ({"seed": 0}, "lacks the robot's limits"),
         ({"profile": {"limits": {}}}, "limits: missing key"),
-        ({}, "does not say the robot's limits"),
+        ({}, "lacks the robot's limits"),
     ],
 )
 def test_a_log_that_does_not_say_enough_is_refused(capsys, tmp_path, config, words):

@@ -71,7 +71,7 @@ def test_a_file_that_was_cut_or_changed_gives_what_is_whole(tmp_path_factory, da
 
 def test_what_is_no_black_box_is_refused(tmp_path):
     (tmp_path / "box").write_bytes(b"something else")
-    with pytest.raises(ValueError, match="is no black box"):
+    with pytest.raises(ValueError, match="is not a black box"):
         read_black_box(tmp_path / "box")
 
 

@@ -210,8 +210,8 @@ def test_what_cannot_be_watched_is_noted_when_engaging():
         says: ClassVar[dict] = {"pose": None, "battery": None}
 
     notes = [event.message for event in Rig(Silent).driving().link.drain_events()]
-    assert [note.split()[0] for note in notes if "not watched" in note] == ["geofence", "battery"]
-    assert not [event for event in Rig().driving().link.drain_events() if "not watched" in event.message]
+    assert [note.split()[0] for note in notes if "not monitored" in note] == ["geofence", "battery"]
+    assert not [event for event in Rig().driving().link.drain_events() if "not monitored" in event.message]
 
 
 def test_a_state_that_was_read_before_the_engagement_stops_nothing():

@@ -18,10 +18,13 @@ from adatracker_deploy.core.messages import (
     Action,
     Answer,
     Box,
+    Click,
     Frame,
     Observation,
+    Pick,
     PlatformState,
     Seen,
+    TargetState,
     Truth,
     Twist,
 )
@@ -65,6 +68,8 @@ class Rehearsal:
     shown: list = field(default_factory=list)
     silent: bool = False
     """The policy is on another machine, and has not answered yet."""
+    target: TargetState | None = None
+    pick: Pick | None = None
     answer_behind_s: float | None = None
     """The policy is on another machine, its newest answer to a picture so much older than the newest."""
     info: PolicyInfo = INFO
@@ -78,7 +83,7 @@ class Rehearsal:
         t_ns = self.clock.now_ns() - round(self.age_s * 1e9)
         truth = Truth(MASK, Pose(), Pose(), (2.5, 0.0), 2.5, 0.1, self.collided)
         frame = Frame(RGB, t_ns, self.tick, truth)
-        observation = Observation(MASK, self.box, 1.0, t_ns, self.tick)
+        observation = Observation(MASK, self.box, 1.0, t_ns, self.tick, self.target, pick=self.pick)
         seen = Seen(frame, observation, taken_ns=t_ns + 4_000_000, ready_ns=t_ns + 13_000_000)
         return seen if self.frame else None
 
@@ -96,7 +101,7 @@ class Rehearsal:
 
     def reset(self, seed=0): ...
 
-    def send(self, twist, now_ns, target_share=None, seen_ns=None):
+    def send(self, twist, now_ns, target_share=None, seen_ns=None, held_until_ns=None):
         self.commands.append(twist)
         self.sent_ns.append(now_ns)
         self.shares.append(target_share)
@@ -150,6 +155,38 @@ def test_a_stale_observation_is_not_acted_on_and_is_neither_seen_nor_lost():
     assert rehearsal.shares[9:13] == [pytest.approx(0.12), None, None, pytest.approx(0.12)]
     assert rehearsal.asked == STEPS + 1 - 2
     assert rehearsal.sight_ages_s[9:13] == pytest.approx([0.02, 0.23, 0.23, 0.02])  # which the gate is told
+
+
+def test_until_a_newly_chosen_target_is_seen_zero_is_commanded_and_the_policy_is_not_asked():
+    tracked, choosing = TargetState.TRACKED, TargetState.CHOOSING
+    picked = Pick(Click(1, 9, 0.5, 0.5), BOX, 1)
+    rehearsal = Rehearsal(
+        target=tracked,
+        at={10: {"target": choosing, "box": None, "pick": picked}, 13: {"target": tracked, "box": BOX}},
+    )
+    assert rehearsal.run().outcome == "completed"
+    moving = Twist(1.0, yaw_rate=-0.5)
+    assert rehearsal.commands[9:14] == [moving, ZERO, ZERO, ZERO, moving]
+    assert rehearsal.asked == STEPS + 1 - 3
+    held = rehearsal.records[10:13]
+    assert [(record.stale, record.action, record.box) for record in held] == [(False, (), None)] * 3
+    assert [record.target for record in held] == ["choosing"] * 3
+    assert [record.picks for record in rehearsal.records[9:14]] == [None, 1, 1, 1, 1]
+    assert rehearsal.sight_ages_s[9:14] == pytest.approx([0.02] * 5)  # the gate need not go blind
+
+
+def test_a_newly_chosen_target_that_never_comes_is_lost_as_any_other():
+    rehearsal = Rehearsal(at={10: {"target": TargetState.CHOOSING, "box": None}})
+    assert rehearsal.run().outcome == "lost"
+    assert rehearsal.records[-1].step == 59
+    assert set(rehearsal.commands[10:]) == {ZERO}
+
+
+def test_a_choice_moves_no_robot_that_has_stopped():
+    stopped = LinkStatus(Phase.HOLDING, FLYING.state, stopped="geofence")
+    rehearsal = Rehearsal(at={5: {"status_now": stopped}, 6: {"pick": Pick(Click(1, 5, 0.5, 0.5), BOX, 1)}})
+    assert rehearsal.run() == Ending("safety_stop", "geofence")
+    assert len(rehearsal.commands) == 6
 
 
 def test_a_policy_is_shown_the_picture_and_what_the_robot_reports():
@@ -297,7 +334,7 @@ def test_late_frames_now_and_then_neither_end_a_trial_nor_save_one_whose_target_
 class Wired(Rehearsal):
     """Its link judges every set-point 5 ms after it came and sends half of it within 2 ms more."""
 
-    def send(self, twist, now_ns, target_share=None, seen_ns=None):
+    def send(self, twist, now_ns, target_share=None, seen_ns=None, held_until_ns=None):
         super().send(twist, now_ns, target_share, seen_ns)
         judged_ns = self.clock.now_ns() + 5_000_000
         acted = Acted(now_ns, judged_ns, judged_ns + 2_000_000)

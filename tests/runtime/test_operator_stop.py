@@ -53,6 +53,16 @@ def test_a_trial_on_its_own_ends_undisturbed_and_leaves_the_signals_as_they_were
     assert [signal.getsignal(number) for number in SIGNALS] == before
 
 
+def test_a_run_that_outlives_its_terminal_is_stopped_by_everything_else():
+    stop = StopRequest(outlives_terminal=True)
+    with stop.listening(), stop.trial():
+        ask(signal.SIGHUP)
+        assert not stop.asked
+        with pytest.raises(KeyboardInterrupt):
+            ask(signal.SIGTERM)
+    assert stop.asked
+
+
 def test_a_hangup_that_was_ignored_is_ignored():
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:

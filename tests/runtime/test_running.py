@@ -34,6 +34,16 @@ def test_a_trial_is_named_by_its_platform_process_and_log(tmp_path):
     assert running() == ()
 
 
+def test_a_named_robot_is_found_by_its_name_too():
+    announcement = Announcement("wheeled", "left")
+    (one,) = running()
+    assert one.name == "left"
+    assert one.is_meant("left")
+    assert one.is_meant("wheeled")
+    assert not one.is_meant("right")
+    announcement.close()
+
+
 def test_a_users_file_cannot_name_somebody_elses_process(tmp_path, monkeypatch):
     stranger = tmp_path / f"adatracker-deploy-{os.getuid() + 1}"
     stranger.mkdir()

@@ -110,7 +110,7 @@ def test_different_rates_are_compared_over_time_and_a_sum_over_steps_is_not():
 
 def test_an_unknown_rate_is_no_equal_rate_but_all_unknown_are_alike():
     unknown = rows(GOOD, rate_hz=None, seconds=None)
-    with pytest.raises(UsageError, match="EL has no seconds: say it with --rate HZ"):
+    with pytest.raises(UsageError, match="EL has no seconds: give it with --rate HZ"):
         compare(rows(BAD), unknown)
     assert compare(unknown, unknown).differences[1].unit == "steps"
     died_at_once = rows([0.0], [0], rate_hz=None, seconds=0.0)
@@ -179,7 +179,7 @@ def test_the_command_says_what_it_cannot_compare(capsys, sets, tmp_path):
     (tmp_path / "boxes.txt").write_text("1,1,2,2\n1,1,2,2\n")
     arguments = ["compare", str(sets / "a"), str(tmp_path), "--image-size", "9x9"]
     assert main(arguments) == 2
-    assert "say it with --rate" in capsys.readouterr().err
+    assert "give it with --rate" in capsys.readouterr().err
     assert main([*arguments, "--rate", "20"]) == 0
     assert main([*arguments, "--rate", "5"]) == 0
 

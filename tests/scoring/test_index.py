@@ -82,7 +82,7 @@ def test_trials_are_listed_by_time_and_those_that_cannot_be_read_with_a_line(tmp
     assert errors.pop("z") is None
     for name, words in (
         ("garbage", "not an MCAP file"),
-        ("hollow", "does not say"),
+        ("hollow", "does not name its trial"),
         ("y", "expected a list"),
     ):
         assert words in errors[name]

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from adatracker_deploy.core.messages import Box
-from adatracker_deploy.core.task import MAX_LOST_STEPS, step_reward, target_visible
-from adatracker_deploy.scoring.metrics import DEFAULT_RULES, Rules, Scorer, box_reward, score_boxes
+from adatracker_deploy.core.task import MAX_LOST_STEPS, box_reward, step_reward, target_visible
+from adatracker_deploy.scoring.metrics import DEFAULT_RULES, Rules, Scorer, score_boxes
 from tests.trial.records import REFERENCE, a_step
 
 fraction = st.floats(0, 1)

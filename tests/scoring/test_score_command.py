@@ -78,13 +78,13 @@ def test_good_trials_are_scored_when_one_is_bad(capsys, trials, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [
-        ([], "say what to score"),
+        ([], "name what to score"),
         (["nowhere"], "no such file or folder"),
         (["hollow"], "no trials in it"),
         (["nowhere", "neither"], "none of these could be scored"),
         (["--boxes", "boxes.txt", "--image-size", "big"], "expected WIDTHxHEIGHT"),
         (["--boxes", "nowhere", "--image-size", "640x480"], "No such file"),
-        (["--boxes", "boxes.txt", "--image-size", "640x480", "trial"], "say what to score"),
+        (["--boxes", "boxes.txt", "--image-size", "640x480", "trial"], "name what to score"),
         (["--boxes", "words.txt", "--image-size", "640x480"], "words.txt: line 2: expected the 4 numbers"),
         (["boxes.txt", "words.txt", "--absent", "words.txt"], "--absent is for one file"),
         (["boxes.txt", "--image-size", "9x9", "--lost-steps", "0"], "a whole number of at least 1"),

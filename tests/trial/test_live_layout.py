@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import re
-from pathlib import Path
 
 import pytest
 
+from adatracker_deploy.cli import main
 from adatracker_deploy.trial.channels import channels
+from adatracker_deploy.trial.live_layout import live_layout
 
-LAYOUT = json.loads((Path(__file__).parents[2] / "docs" / "live-layout.json").read_text())
+LAYOUT = json.loads(live_layout())
 PANELS = LAYOUT["configById"]
 CHANNELS = {channel.topic: channel for channel in channels()}
 
@@ -55,3 +56,8 @@ def test_a_path_leads_to_one_value_that_the_panel_can_draw(panel, path):
         if index:
             found = found["items"]
     assert found["type"] == ("string" if panel.startswith("StateTransitions!") else "number")
+
+
+def test_the_command_writes_it(capsys):
+    assert main(["layout"]) == 0
+    assert json.loads(capsys.readouterr().out) == LAYOUT

@@ -94,7 +94,7 @@ def test_a_mark_moves_the_success_rate_and_what_is_compared(capsys, trial, recor
     found = json.loads(capsys.readouterr().out)
     assert found["differences"]["sr"]["mean"] == {"a": 1.0, "b": 0.0}
     assert main(["score", str(trial), "--csv", str(tmp_path / "t.csv")]) == 0
-    assert (tmp_path / "t.csv").read_text().splitlines()[1].endswith(",completed,0.0,True,True")
+    assert (tmp_path / "t.csv").read_text().splitlines()[1].endswith(",completed,0.0,True,True,0,,")
 
 
 def test_a_report_shows_what_was_said_as_text_whatever_it_is(capsys, trial, tmp_path):
@@ -130,8 +130,8 @@ def test_two_logs_in_one_folder_have_marks_of_their_own(capsys, trial):
         (("--outcome", "lost"), "invalid choice: 'lost'"),
         (("--outcome", "takeover", "--since", "2.1"), "--since 2.1: the trial lasted from 0 to 2.0 s"),
         (("--outcome", "takeover", "--since", "nan"), "--since nan"),
-        (("--outcome", "good", "--since", "1"), "since when together with an outcome"),
-        (("--note", "x", "--since", "1"), "since when together with an outcome"),
+        (("--outcome", "good", "--since", "1"), "a mark with a time needs an outcome"),
+        (("--note", "x", "--since", "1"), "a mark with a time needs an outcome"),
         (("--note", "x" * 2001), "at most 2000 characters"),
     ],
 )
@@ -146,7 +146,7 @@ def test_a_mark_that_says_too_little_or_too_much_is_refused(capsys, trial, argum
     ("text", "words"),
     [
         ("marks: [{at: x, outcome: fine}]", "expected one of 'good'"),
-        ("marks: [{at: x, outcome: good, since_s: 3}]", "since when together with an outcome"),
+        ("marks: [{at: x, outcome: good, since_s: 3}]", "a mark with a time needs an outcome"),
         ("marks: [{at: x}]", "an outcome, a note, or both"),
         ("mark: []", "unknown key 'mark'; did you mean 'marks'?"),
         ("[", "not valid YAML"),

@@ -46,8 +46,9 @@ def test_the_commit_of_what_pip_installed_from_a_repository_is_told(tmp_path, mo
 
 
 def test_what_came_from_an_index_has_no_commit_and_says_none(tmp_path, monkeypatch):
-    monkeypatch.setattr(type(Distribution.from_name("adatracker-deploy")), "read_text", lambda *_: None)
-    assert provenance.commit(tmp_path) == ""
+    with monkeypatch.context() as patched:
+        patched.setattr(type(Distribution.from_name("adatracker-deploy")), "read_text", lambda *_: None)
+        assert provenance.commit(tmp_path) == ""
     monkeypatch.setattr(provenance, "commit", lambda _: "")
     assert "commit" not in provenance.surroundings()
 

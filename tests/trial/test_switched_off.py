@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import yaml
 
-from adatracker_deploy.app.trial_run import TrialPlan, run_trial
+from adatracker_deploy.app.trial_plan import TrialPlan
+from adatracker_deploy.app.trial_run import run_trial
 from adatracker_deploy.perception.segmenters import TRUTH, open_segmenter
 from adatracker_deploy.perception.target.choice import Choice
 from adatracker_deploy.platform import Scenario
@@ -49,7 +50,7 @@ def test_every_trial_tells_what_its_gate_goes_without(tmp_path):
     )
     told = Told()
     run_trial(plan, told, started_s=0.0)
-    expected = [f"the gate goes without {name}: " for name in SWITCHED_OFF]
+    expected = [f"the gate runs without {name}: " for name in SWITCHED_OFF]
     shown = [line for line in told.lines if line.startswith("warning: the gate")]
     (folder,) = tmp_path.iterdir()
     config = yaml.safe_load((folder / "config.yaml").read_text(encoding="utf-8"))

@@ -123,13 +123,13 @@ def test_a_scale_of_zero_is_refused():
 
 
 def test_limits_that_a_signal_cannot_say_are_refused():
-    with pytest.raises(UsageError, match=r"MotionCommand.Angular says yaw_rate_rad_s from .* lower them"):
+    with pytest.raises(UsageError, match=r"MotionCommand.Angular carries yaw_rate_rad_s from .* lower them"):
         codec_of("scout_v1").check_limits(replace(limits_of("scout_v1"), yaw_rate_rad_s=0.6))
 
 
 def test_wheels_must_reach_speed_and_turn_together():
     assert 100 * math.tau * 0.085 > 53.3  # 100 turns/s would do for the speed alone
-    with pytest.raises(UsageError, match=r"SetVelocity.Velocity says (left|right)_m_s"):
+    with pytest.raises(UsageError, match=r"SetVelocity.Velocity carries (left|right)_m_s"):
         codec_of("odrive_diff").check_limits(replace(limits_of("odrive_diff"), forward_m_s=53.3))
 
 
@@ -160,7 +160,7 @@ def test_a_charge_in_percent_that_was_not_scaled_is_malformed(own):
 
 
 def test_a_base_without_words_for_a_fault_says_so(own):
-    with pytest.raises(UsageError, match="names no signal that can tell"):
+    with pytest.raises(UsageError, match="names no signal that carries"):
         codec_from(own).status_frames(Reading(status=BaseStatus(mode="ours", emergency_stop=True)))
     with pytest.raises(UsageError, match="no mode value for remote"):
         codec_from(own).status_frames(Reading(status=BaseStatus(mode="remote")))
@@ -201,4 +201,4 @@ def test_a_file_that_is_too_large_is_not_read(own):
 
 def test_a_command_that_cannot_say_zero_is_refused(own):
     own["command"][0]["message"] = "Offset"
-    assert "Offset.Speed cannot say zero" in refused(own)
+    assert "Offset.Speed cannot carry zero" in refused(own)

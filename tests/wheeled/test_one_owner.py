@@ -287,7 +287,7 @@ def test_of_two_that_start_at_once_exactly_one_has_the_base(measured, exhaustive
         results = race(
             "wheeled",
             {"interface": "socketcand", "port": server.port},
-            starts=50 if exhaustive else 10,
+            starts=50 if exhaustive else 5,
         )
     finally:
         ended.set()

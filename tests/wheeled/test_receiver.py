@@ -150,7 +150,7 @@ def test_a_malformed_state_changes_nothing_and_is_counted():
         ((), "no frame came at all"),
         ((CanFrame(0x151, bytes(8)),), "protocol v1"),
         ((CanFrame(0x211, bytes(3)),), "1 of its frames were malformed"),
-        ((CanFrame(0x701, bytes(1)),), "only frames that no role names came (0x701)"),
+        ((CanFrame(0x701, bytes(1)),), "only frames without a role came (0x701)"),
     ],
 )
 def test_a_silence_is_explained_by_what_was_heard_instead(frames, said):

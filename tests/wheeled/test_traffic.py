@@ -182,5 +182,5 @@ def test_what_cannot_be_exported_is_refused_in_a_line(tmp_path, capsys, platform
 
 def test_what_is_no_can_log_is_refused(tmp_path):
     (tmp_path / FILE_NAME).write_text("hello\n", encoding="ascii")
-    with pytest.raises(UsageError, match=r"can\.log: is no log of candump"):
+    with pytest.raises(UsageError, match=r"can\.log: is not a candump log"):
         export_traffic(tmp_path, tmp_path / "trial.asc", 0)

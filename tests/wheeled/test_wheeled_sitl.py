@@ -2,7 +2,6 @@
 
 import contextlib
 import dataclasses
-import json
 import os
 import signal
 import subprocess
@@ -26,6 +25,7 @@ from adatracker_wheeled.protocol.bus import Bus
 from adatracker_wheeled.protocol.codec import Codec
 from adatracker_wheeled.sim.faults import injection
 from adatracker_wheeled.sim.sitl import WheeledSitl, main
+from tests.by_hand import simulator_by_hand
 
 pytestmark = pytest.mark.slow
 
@@ -275,17 +275,11 @@ def test_time_runs_as_fast_as_the_shared_clock():
 
 
 def test_by_hand_it_takes_a_profile_and_a_port_and_says_where_its_camera_is():
-    with subprocess.Popen(
-        [sys.executable, "-m", "adatracker_wheeled.sim.sitl", "--profile", "tracer", "--lifeline"],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    ) as process:
-        ready = json.loads(process.stdout.readline())["ready"]
-        with urllib.request.urlopen(ready["camera"], timeout=5) as stream:
+    with simulator_by_hand("adatracker_wheeled.sim.sitl", "--profile", "tracer", "--lifeline") as there:
+        with urllib.request.urlopen(there.ready["camera"], timeout=5) as stream:
             assert b"--frame" in stream.read(100)
-        process.stdin.close()
-        assert process.wait(5.0) == 0
+        there.process.stdin.close()
+        assert there.process.wait(5.0) == 0
 
 
 @pytest.mark.parametrize(

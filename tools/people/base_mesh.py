@@ -39,7 +39,7 @@ class Shape:
     asian: float = 0.0
     """The rest is caucasian."""
     height_m: float = 1.72
-    """Of the body without shoes, 1.4 to 2.0."""
+    """Height of the body without shoes, 1.4 to 2.0."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ class Bone:
     parent: str
     """Empty for the root."""
     head: Array
-    """Where it turns, (3,)."""
+    """The joint that it turns about, (3,)."""
     tail: Array
 
 

@@ -16,7 +16,7 @@ class Person:
     shape: Shape
     outfit: Outfit
     arms: float = 1.0
-    """How far the arms swing, times the usual."""
+    """Swing of the arms, times the usual."""
     stoop_deg: float = 2.0
 
 

@@ -1,4 +1,4 @@
-"""How a body walks, stands and sits: rotations of its bones over one cycle. Pure.
+"""Motion of a body that walks, stands or sits: rotations of its bones over one cycle. Pure.
 
 The angles of hip, knee and ankle over a walking cycle follow the normative curves at natural cadence in
 D. A. Winter, "Biomechanics and Motor Control of Human Movement" (appendix), read off at a dozen points. Arms
@@ -59,7 +59,7 @@ class _Pose:
     pelvis_roll: float = 0.0
     """The left side higher."""
     lean: float = 2.0
-    """Of the trunk, forward."""
+    """Lean of the trunk, forward."""
 
 
 def walk(body: Body, *, arms: float = 1.0, stoop: float = 2.0) -> Motion:

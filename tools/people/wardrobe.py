@@ -23,20 +23,20 @@ Rgb = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Paint:
-    """What a garment is painted with."""
+    """The colours of a garment."""
 
     rgb: Rgb
     other: Rgb | None = None
     """The pattern's second colour."""
     pattern: Literal["plain", "stripes", "checks", "yoke", "front"] = "plain"
-    """Of a `front`, a strip at the chest has the other colour, as of an open jacket."""
+    """Pattern of the garment; a `front` has a strip of the other colour at the chest, like an open jacket."""
     size_m: float = 0.09
     """A stripe and its gap."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outfit:
-    """What somebody wears."""
+    """The clothes of one person."""
 
     skin: Rgb
     hair: Rgb
@@ -44,7 +44,7 @@ class Outfit:
     top: Paint
     sleeves: Literal["none", "short", "long"] = "long"
     loose_m: float = 0.012
-    """How far the top stands off the body."""
+    """Distance of the top from the body."""
     legs: Paint
     legs_to: Literal["ankle", "knee", "bare"] = "ankle"
     skirt: Paint | None = None
@@ -81,7 +81,7 @@ class Mesh:
 
 @dataclass(frozen=True, slots=True)
 class _Regions:
-    """Where the body's parts are."""
+    """The regions of the body."""
 
     body: Body
 

@@ -17,7 +17,7 @@ Floats = NDArray[np.float32]
 
 MEAN_BGR = (103.53, 116.28, 123.675)
 STD_BGR = (57.375, 57.12, 58.395)
-"""What NanoDet was trained with, for pictures of 0 to 255."""
+"""NanoDet's normalisation in training, for pictures of 0 to 255."""
 STRIDE = 32
 """Width and height are a multiple of it."""
 

@@ -23,7 +23,7 @@ class Source:
     """One model of the package."""
 
     name: str
-    """Of its files in the package, and of what is told of it."""
+    """Name of its files in the package, and of its entry."""
     inputs: dict[str, str]
     """TensorFlow's names to readable ones."""
     outputs: dict[str, str]

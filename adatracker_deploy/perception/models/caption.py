@@ -18,7 +18,7 @@ from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.perception.models.wordpiece import CLS, PADDING, SEP, UNKNOWN, WordPiece
 
 MOST_TOKENS = 256
-"""What the text side of the published weights reads (max_text_len)."""
+"""Longest caption that the text side of the published weights reads (max_text_len)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,7 +50,7 @@ def caption(words: Sequence[str], vocabulary: WordPiece, length: int | None, *, 
         UsageError: no words; one holds a full stop, is nothing or is unknown to the vocabulary; too many.
     """
     if not words:
-        raise UsageError(f"{where}: finds what it is told to: give it words, for example person")
+        raise UsageError(f"{where}: needs a prompt: give it words, for example person")
     ids = vocabulary.ids
     tokens, spans, ends = [ids[CLS]], [], [0]
     for word in words:

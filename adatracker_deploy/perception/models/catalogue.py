@@ -99,7 +99,7 @@ def _guess(file: ModelFile) -> Sidecar:
         for side, tensors in (("inputs", file.inputs), ("outputs", file.outputs))
     )
     raise UsageError(
-        f"{file.path}: is of no family that is known by its metadata or outputs ({saw}): write "
+        f"{file.path}: matches no known family by its metadata or outputs ({saw}): write "
         f"{file.path.with_suffix('.yaml').name} beside it, beginning with `kind:` and one of {KINDS}"
     )
 

@@ -25,7 +25,7 @@ Cut = Callable[[NDArray[np.intp], NDArray[np.float32]], NDArray[np.bool_]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rules:
-    """Which candidates become instances."""
+    """The rules by which candidates become instances."""
 
     words: Mapping[int, str]
     """The word of each class that is wanted."""

@@ -25,7 +25,7 @@ def picture_port(*names: str) -> Port:
 
 @dataclass(frozen=True, slots=True)
 class ImageInput:
-    """How a picture gets into a graph."""
+    """The preparation of a picture for a graph's input."""
 
     tensor: Tensor
     size: tuple[int, int]
@@ -70,7 +70,7 @@ def image_input(
     sides = [own or (wanted[axis] if wanted else None) for axis, own in enumerate(declared)]
     if sides[0] is None or sides[1] is None:
         raise UsageError(
-            f"{file.path}: leaves the size of its picture free ({tensor}): write `size: [rows, columns]` "
+            f"{file.path}: does not fix its picture's size ({tensor}): write `size: [rows, columns]` "
             "in the sidecar"
         )
     settled = (sides[0], sides[1])

@@ -13,7 +13,7 @@ from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.core.onnx_file import RUNTIME_DOMAINS, check_plain, opsets, read_model
 
 FILE_CAP_BYTES = (2 << 30) - 1
-"""What one protobuf message can hold, and so one ONNX file."""
+"""Largest protobuf message, and so the largest single ONNX file."""
 EXTERNAL_CAP_BYTES = 8 << 30
 OPSETS = range(11, 27)
 """ONNX operator versions that the adapters' files may state: the oldest that the exporters write, and
@@ -39,7 +39,7 @@ class Tensor:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModelFile:
-    """What an ONNX file says of itself."""
+    """The facts that an ONNX file states about itself."""
 
     path: Path
     data: bytes
@@ -109,7 +109,7 @@ def _digest_beside(path: Path, name: str) -> str:
     """Return the digest of a file of weights; only a plain file in the model's own folder will do."""
     beside = path.parent / name
     if Path(name).name != name or beside.is_symlink() or not beside.is_file():
-        raise UsageError(f"{path}: keeps weights in {name!r}, which is no plain file beside it")
+        raise UsageError(f"{path}: keeps weights in {name!r}, which is not a plain file beside it")
     if beside.stat().st_size > EXTERNAL_CAP_BYTES:
         raise UsageError(f"{beside}: is larger than {EXTERNAL_CAP_BYTES >> 20} MiB")
     with beside.open("rb") as file:

@@ -70,12 +70,12 @@ class NanoDet:
             file: the model.
             words: what to look for; none: everything it knows.
             side: to which a picture's longer side is brought, px, a multiple of 32; smaller is faster.
-            score: the least that is told.
+            score: the least that is returned.
             providers: where to run it, by preference.
             threads: for the processor's share of the work.
 
         Raises:
-            UsageError: the file is another model, a word is unknown, the side is no multiple of 32.
+            UsageError: the file is another model, a word is unknown, the side is not a multiple of 32.
         """
         if side < STRIDES[-1] or side % STRIDES[-1]:
             raise UsageError(f"{file.path}: side {side}: expected a multiple of {STRIDES[-1]}")

@@ -19,7 +19,7 @@ PADDING = 114
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Preparation:
-    """How a network wants its picture: (pixel * scale - mean) / std, channel by channel."""
+    """The normalisation that a network expects: (pixel * scale - mean) / std, channel by channel."""
 
     resize: Resize = "stretch"
     colour: Literal["rgb", "bgr"] = "rgb"
@@ -33,7 +33,7 @@ class Preparation:
 
 @dataclass(frozen=True, slots=True)
 class Letterbox:
-    """Where a picture lies in a network's input, in px."""
+    """Position of a picture in a network's input, in px."""
 
     picture: tuple[int, int]
     """Rows and columns."""

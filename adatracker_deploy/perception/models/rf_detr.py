@@ -53,7 +53,7 @@ class RfDetrDetector:
         self._input = image_input(file, fed["picture"], sidecar, IMAGENET)
         classes = self._given["logits"].shape[2]
         if classes is None:
-            raise UsageError(f"{where}: leaves the number of classes free; export it with fixed sizes")
+            raise UsageError(f"{where}: does not fix the number of classes; export it with fixed sizes")
         if sidecar.names is None and classes == _PUBLISHED_CLASSES:
             names = class_names(Sidecar(kind="rf_detr", names="coco91"), None, classes, where=where)
         else:

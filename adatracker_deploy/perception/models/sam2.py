@@ -30,9 +30,9 @@ from adatracker_deploy.perception.roles import Picture, Propagated
 SMALLEST, LARGEST = 2e-4, 0.8
 """Shares of the picture: less is noise, more is the full-picture mask that a lost SAM2 likes to give."""
 MOST_GROWTH = 4.0
-"""How many times larger or smaller a thing may be than when it was last seen."""
+"""Largest factor by which a thing may have grown or shrunk since it was last seen."""
 FARTHEST = 1.5
-"""How far its centre may move between two pictures, in diagonals of its last box; so much again for each that
+"""Farthest move of its centre between two pictures, in diagonals of its last box; so much again for each that
 it was out of sight. Chosen, not measured."""
 
 
@@ -77,7 +77,7 @@ def _measure(mask: NDArray[np.bool_]) -> tuple[float, float, float, float] | Non
 
 
 _INSIDE, _OUTSIDE = 10.0, -10.0
-"""What a certain mask is for the memory encoder: sigmoid x 20 - 10 (`sigmoid_scale_for_mem_enc`)."""
+"""Logits of a certain mask for the memory encoder: sigmoid x 20 - 10 (`sigmoid_scale_for_mem_enc`)."""
 _POINT, _TOP_LEFT, _BOTTOM_RIGHT, _NO_POINT = 1, 2, 3, -1
 """Labels of prompt points (`sam2/modeling/sam/prompt_encoder.py`)."""
 

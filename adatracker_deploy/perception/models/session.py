@@ -6,18 +6,11 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import onnxruntime as ort
 from numpy.typing import NDArray
 
 from adatracker_deploy.core.errors import PlatformError, UsageError
+from adatracker_deploy.core.onnx_session import OnnxSession, one_line
 from adatracker_deploy.perception.models.model_file import ModelFile, Tensor
-
-PROVIDERS = {
-    "cpu": "CPUExecutionProvider",
-    "cuda": "CUDAExecutionProvider",
-    "tensorrt": "TensorrtExecutionProvider",
-}
-"""Execution providers by the names that users write."""
 
 Feed = NDArray[Any]
 Values = NDArray[np.float32]
@@ -39,35 +32,21 @@ class Network:
                 half precision and runs on a processor; onnxruntime cannot load it.
         """
         self.file = file
-        self.asked = tuple(providers)
-        kinds = [_kind(name) for name in providers]
-        if not kinds or threads < 1:
-            raise UsageError(f"{file.path}: expected at least one provider and one thread")
-        options = ort.SessionOptions()
-        options.intra_op_num_threads = threads
-        options.inter_op_num_threads = 1
-        options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-        options.log_severity_level = 4  # what is wrong is raised; nothing else belongs on a terminal
         model = str(file.path) if file.external else file.data
-        try:
-            self._session = ort.InferenceSession(model, options, providers=kinds)
-        except Exception as error:  # its exceptions share no base class of their own
-            raise UsageError(f"{file.path}: onnxruntime cannot load it: {_one_line(error)}") from error
-        self._check_device()
+        self._session = OnnxSession(model, providers, where=str(file.path), threads=threads)
+        self._refuse_half_precision()
 
     @property
     def provider(self) -> str:
-        """Where it really runs: the first provider that onnxruntime granted."""
-        granted = self._session.get_providers()[0]
-        return next((name for name, kind in PROVIDERS.items() if kind == granted), granted)
+        """The provider in use: the first that onnxruntime granted."""
+        return self._session.provider
 
     def __str__(self) -> str:
-        """Say in one line what runs where; a fall-back is told."""
-        told = (
-            "" if self.provider == self.asked[0] else f" ({self.asked[0]} was asked for and is not to be had)"
-        )
+        """Say in one line what runs where; a fall-back is named."""
+        first = self._session.asked[0]
+        told = "" if self.provider == first else f" ({first} was asked for and is unavailable)"
         name, digest = self.file.sha256[0]
-        return f"{name} {digest[:12]} opset {self.file.opset} on {self.provider}{told}"
+        return f"{name} {digest[:12]} opset {self.file.opset} on {self._session.placement}{told}"
 
     def run(
         self, feeds: Mapping[str, Feed], outputs: Sequence[Tensor], *, may_be_absent: Collection[str] = ()
@@ -84,9 +63,9 @@ class Network:
         """
         where = self.file.path.name
         try:
-            raw = self._session.run([tensor.name for tensor in outputs], dict(feeds))
+            raw = self._session.run([tensor.name for tensor in outputs], feeds)
         except Exception as error:
-            raise PlatformError(f"{where}: fails to run: {_one_line(error)}") from error
+            raise PlatformError(f"{where}: fails to run: {one_line(error)}") from error
         values = []
         for tensor, got in zip(outputs, raw, strict=True):
             if len(got.shape) != len(tensor.shape) or any(
@@ -100,35 +79,10 @@ class Network:
             values.append(value)
         return values
 
-    def _check_device(self) -> None:
-        if self.provider not in self.asked:
-            raise UsageError(
-                f"{self.file.path}: {self.asked[0]} is not to be had here, only {self.provider}: mend the "
-                f"driver, or ask for {', '.join(self.asked)}, {self.provider}"
-            )
+    def _refuse_half_precision(self) -> None:
         half = [tensor for tensor in self.file.inputs.values() if tensor.dtype == "float16"]
         if half and self.provider == "cpu":
             raise UsageError(
                 f"{self.file.path}: takes half precision ({half[0]}), which a processor only imitates "
                 "slowly: export it in float32, or run it on cuda"
             )
-
-
-def _kind(name: str) -> str:
-    available = ort.get_available_providers()
-    names = [known for known, kind in PROVIDERS.items() if kind in available]
-    if name not in PROVIDERS:
-        raise UsageError(
-            f"provider {name!r} is unknown; known are {', '.join(PROVIDERS)}, of which this onnxruntime has "
-            f"{', '.join(names)}"
-        )
-    if PROVIDERS[name] not in available:
-        raise UsageError(
-            f"provider {name!r} is not in this onnxruntime, which has {', '.join(names)}: install the "
-            "onnxruntime built for this device (onnxruntime-gpu for cuda and tensorrt)"
-        )
-    return PROVIDERS[name]
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())

@@ -22,7 +22,7 @@ _CAP_BYTES = 256 << 10
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sidecar:
-    """What is declared of one model; None stands for what its family does."""
+    """Declarations about one model; None stands for its family's default."""
 
     kind: Kind
     size: tuple[Side, Side] | None = None
@@ -43,7 +43,7 @@ class Sidecar:
     tensors: dict[str, str] = field(default_factory=dict)
     """From the adapter's name of an input or output to the file's; for sam2, GRAPH.NAME."""
     masks: Literal["logits", "probabilities"] = "logits"
-    """What an RF-DETR file's masks are."""
+    """The values of an RF-DETR file's masks."""
     score: Annotated[float, Range(0.001, 0.999)] | None = None
     """Instances below this are dropped."""
     nms_iou: Annotated[float, Range(0.05, 1)] | None = None

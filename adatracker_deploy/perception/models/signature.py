@@ -18,7 +18,7 @@ class Port:
     """One input or output that an adapter knows how to use."""
 
     names: tuple[str, ...]
-    """What exports call it."""
+    """The names that exporters give it."""
     shapes: tuple[Shape, ...]
     """Any of these; None stands for any size. A file that leaves a dimension free fits every size."""
     dtypes: tuple[str, ...] = REAL
@@ -76,7 +76,7 @@ def _bind(
         elif role in names or not port.optional:
             raise UsageError(
                 f"{file.path}: has no {side} {' or '.join(map(repr, candidates))}; it has "
-                f"{_listed(has.values())}: say under `tensors` in the sidecar which of them is {role!r}"
+                f"{_listed(has.values())}: name under `tensors` in the sidecar the one that is {role!r}"
             )
     return bound
 

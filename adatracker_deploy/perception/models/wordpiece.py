@@ -51,7 +51,7 @@ class WordPiece:
             raise UsageError(f"{path}: cannot be read as a vocabulary: {error}") from error
         ids = {line.rstrip("\r"): number for number, line in enumerate(lines) if line.rstrip("\r")}
         if missing := [piece for piece in (CLS, SEP, UNKNOWN, PADDING, ".") if piece not in ids]:
-            raise UsageError(f"{path}: is no BERT vocabulary: it has no {missing[0]!r}")
+            raise UsageError(f"{path}: is not a BERT vocabulary: it lacks {missing[0]!r}")
         return cls(ids)
 
     def encode(self, text: str) -> list[int]:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from adatracker_deploy.core.errors import UsageError
 
 SHOWN = 20
-"""How many known words an error lists."""
+"""Number of known words that an error lists."""
 OBSTACLES = "obstacles"
 """Stands for those of `OBSTACLE_WORDS` that a model knows, unless a sidecar declares otherwise."""
 OBSTACLE_WORDS = (
@@ -15,7 +15,7 @@ OBSTACLE_WORDS = (
     "motorcycle, bus, truck, fire hydrant, stop sign, parking meter, table, box, wall, pillar, fence, door, "
     "tree"
 )
-"""What a robot may run into and what hides people: of COCO's classes, and what open vocabularies add."""
+"""Things that a robot may hit or that hide people: of COCO's classes, and what open vocabularies add."""
 
 
 def choose(

@@ -1,4 +1,4 @@
-"""Initial choice of the target: by a rule, a point, a box or an index."""
+"""Initial choice of the target: by a rule, a point, a box or an index, or by nothing but a click."""
 
 from __future__ import annotations
 
@@ -16,8 +16,10 @@ if TYPE_CHECKING:
 
     from adatracker_deploy.perception.roles import Boxes
 
-Rule = Literal["largest", "central", "best"]
-"""The largest box, the one nearest the image centre, or the one with the best score."""
+Rule = Literal["largest", "central", "best", "click"]
+"""The largest box, the one nearest the image centre, the one with the best score, or nobody by itself: the
+operator clicks on somebody (`picks`)."""
+BY_CLICK: Rule = "click"
 
 _LEAST_OVERLAP = 0.3
 
@@ -34,10 +36,10 @@ class Choice:
 
     @classmethod
     def read(cls, text: str) -> Choice:
-        """Read ``largest``, ``central``, ``best``, ``#2``, ``0.5,0.6`` or ``0.4,0.2,0.6,0.9``.
+        """Read ``largest``, ``central``, ``best``, ``click``, ``#2``, ``0.5,0.6`` or ``0.4,0.2,0.6,0.9``.
 
         Raises:
-            UsageError: it is none of them.
+            UsageError: it is not one of them.
         """
         if text in get_args(Rule):
             return cls(rule=cast("Rule", text))
@@ -62,7 +64,7 @@ class Choice:
             boxes: everybody's, in fractions of the picture, shape (n, 4).
             scores: the detector's, shape (n,).
         """
-        if not len(boxes):
+        if not len(boxes) or self.rule == BY_CLICK:
             return None
         if self.index is not None:
             order = np.argsort(boxes[:, 0], kind="stable")

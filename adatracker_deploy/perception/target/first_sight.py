@@ -1,7 +1,7 @@
 """Chooses the target over several pictures.
 
 One picture is not enough: its best box may be a mistake, and the nearest person may be missed in it while
-somebody behind is found. So whoever is to be chosen has been seen several times, and nobody whom the rule
+somebody behind is found. So the chosen person has been seen several times, and nobody whom the rule
 would rather choose is in doubt any more. Time is passed in; the same pictures give the same choice.
 """
 
@@ -26,9 +26,9 @@ TRUSTED_SCORE = 0.35
 """Least mean score of somebody who is chosen."""
 TRUSTED_SIGHTS = 3
 TRUSTED_S = 0.3
-"""How often, and over how long, somebody is seen before they are chosen."""
+"""Number of sightings, and their time span, before somebody is chosen."""
 PATIENCE_S = 2.0
-"""How long the choice waits for somebody in doubt."""
+"""Longest time for which the choice waits for somebody in doubt."""
 _FORGET_S = 0.5
 _SAME = 0.3
 """IoU of one person's boxes in two pictures."""

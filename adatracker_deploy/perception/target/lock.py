@@ -44,7 +44,7 @@ _USUAL_ALIKE = 0.75
 _SMOOTHING, _SMOOTHING_USUAL = 0.4, 0.1
 
 _DROP = 0.1
-"""How far below the usual similarity a reacquired person may be."""
+"""Largest drop of a reacquired person's similarity below the usual one."""
 _MARGIN = 0.03
 """Required margin over the second most similar person."""
 _MARGIN_BEFORE = 0.06
@@ -53,7 +53,7 @@ swapped."""
 _CONFIRM = 3
 """Consecutive images that must agree."""
 _REACH, _REACH_PER_S = 1.5, 2.5
-"""How far from where the target was lost, in the target's heights: people are 1.7 m tall and run at 4 m/s."""
+"""Reach from where the target was lost, in the target's heights: people are 1.7 m tall and run at 4 m/s."""
 _OTHER_SIZE = 0.5
 
 
@@ -66,7 +66,7 @@ class Locked(NamedTuple):
     likeness: float
     """Similarity of that box to the target, 0 to 1; 0 without a box."""
     expected: tuple[float, float, float, float] | None = None
-    """Where the target must be now (left, top, right, bottom), px, while it has been missed for `BRIDGED_S`
+    """The target's predicted box (left, top, right, bottom), px, while it has been missed for `BRIDGED_S`
     at most and nobody else was found there."""
 
 

@@ -36,7 +36,7 @@ class CameraMotion:
         self._corners: NDArray[np.float32] | None = None
 
     def __call__(self, picture: Picture, people: Boxes) -> Motion:
-        """Return the motion since the last picture; `STILL` for the first, and where it cannot be told.
+        """Return the motion since the last picture; `STILL` for the first, and where it is unknown.
 
         Args:
             picture: RGB of shape (H, W, 3); all of one size.

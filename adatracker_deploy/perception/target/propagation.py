@@ -30,7 +30,7 @@ Mask = NDArray[np.bool_]
 
 
 class Followed(NamedTuple):
-    """Whom the propagator follows, in one picture."""
+    """The person that the propagator follows, in one picture."""
 
     box: NDArray[np.float32]
     """Px, shape (4,)."""

@@ -75,7 +75,7 @@ def _heard(limits: Limits, state: GateState, robot: PlatformState, now_ns: int) 
 
 
 def _too_old(limits: Limits, setpoint: Setpoint, age_s: float, now_ns: int) -> Reason | None:
-    """Return what is too old: the command, or the frame that it is based on.
+    """Return what is too old: the command, the frame that it is based on, or the hold of the dead-man button.
 
     Both times are of one machine's clock: a frame from the future has a wrong time, and may be older.
     """
@@ -83,4 +83,6 @@ def _too_old(limits: Limits, setpoint: Setpoint, age_s: float, now_ns: int) -> R
         return Reason.STALE
     if setpoint.seen_ns is not None and not 0 <= (now_ns - setpoint.seen_ns) / 1e9 <= limits.sight_timeout_s:
         return Reason.BLIND
+    if setpoint.held_until_ns is not None and now_ns >= setpoint.held_until_ns:
+        return Reason.DEAD_MAN
     return None

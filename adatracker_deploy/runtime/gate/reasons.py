@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 class Kind(enum.Enum):
-    """What a reason does to a command."""
+    """The effect of a reason on a command."""
 
     LIMITS = "limits"
     """The command is followed, within limits."""
@@ -23,7 +23,7 @@ class Kind(enum.Enum):
 
 
 class Reason(enum.StrEnum):
-    """Why the sent command differs from the requested one; the names appear in status, logs and profiles."""
+    """Reasons for changing the requested command; the names appear in status, logs and profiles."""
 
     kind: Kind
 
@@ -48,6 +48,8 @@ class Reason(enum.StrEnum):
     """The command is too old: zero, until a fresh one comes."""
     BLIND = "blind", Kind.WITHHOLDS
     """The frame that the command is based on is too old, or missing: zero, until a newer frame comes."""
+    DEAD_MAN = "dead_man", Kind.WITHHOLDS
+    """Whoever drives by hand does not hold the dead-man button: zero, until it is held again."""
 
     COMMAND_LOST = "command_lost", Kind.STOPS
     """No fresh command within the time-out: a stop latched."""

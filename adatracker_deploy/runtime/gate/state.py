@@ -33,6 +33,8 @@ class Setpoint:
     """The share of the image that the target's box covers, 0 to 1; None while it is not seen."""
     seen_ns: int | None = None
     """Capture time of the frame it is based on; None for a command not based on a frame."""
+    held_until_ns: int | None = None
+    """When the dead-man button no longer counts as held; None where no such button limits the command."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,13 +57,13 @@ class GateState:
     """The gate's memory between two commands; only an engage makes a new one."""
 
     armed_ns: int
-    """When it was armed; older set-points are ignored."""
+    """Time of arming; older set-points are ignored."""
     last: Twist = ZERO
     rate: Twist = ZERO
     """The rate of change of `last`: accelerations, m/s^2 and rad/s^2."""
     last_ns: int = 0
     moving_ns: int | None = None
-    """When motion was first requested; None before."""
+    """Time of the first request for motion; None before."""
     start: Pose | None = None
     """The robot's first reported pose; None while it reports no position."""
     track: Track | None = None
@@ -78,7 +80,7 @@ class GateState:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What is sent, and why it differs from the request."""
+    """The command sent, and the reasons it differs from the request."""
 
     twist: Twist
     stage: Stage

@@ -13,10 +13,10 @@ from adatracker_deploy.config.limits import Limits
 from adatracker_deploy.core.geometry import Pose
 
 JUMP_M = 1.0
-"""How far, m, the reported position may be from what motion explains. PX4's height, the worst measured, was
+"""Largest jump, m, of the reported position beyond the motion. PX4's height, the worst measured, was
 wrong by at most 0.84 m and drifts; no fence is narrower than 1 m."""
 DRIFT_M_S = 1.0
-"""How much faster an estimate may move than the robot is allowed to. PX4's velocity was wrong by at most 0.8
+"""Margin of an estimate's speed over the robot's limit. PX4's velocity was wrong by at most 0.8
 m/s (v1.16, simulated quadrotor)."""
 
 Place = tuple[float, float, float]
@@ -31,7 +31,7 @@ class Track:
     reported: Place
     """The newest reported position."""
     reported_ns: int
-    """When that position was first judged."""
+    """Time at which that position was first judged."""
 
     @property
     def jumped(self) -> bool:

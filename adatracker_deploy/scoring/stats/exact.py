@@ -29,7 +29,7 @@ _TIE = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Test:
-    """What a test says."""
+    """The result of a test."""
 
     __test__ = False  # no test of pytest's
 
@@ -42,7 +42,7 @@ class Test:
 
     @property
     def separates(self) -> bool:
-        """The difference is told from chance at the 5 % level."""
+        """The difference is significant at the 5 % level."""
         return self.p < ALPHA
 
 

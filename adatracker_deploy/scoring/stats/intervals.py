@@ -24,7 +24,7 @@ class Estimate:
 
     @property
     def excludes_zero(self) -> bool:
-        """The sign is told."""
+        """The interval excludes zero."""
         return self.low > 0 or self.high < 0
 
     @property
@@ -90,7 +90,7 @@ def share_estimate(hits: int, count: int) -> Estimate:
         ValueError: there are no trials, or hits are no part of them.
     """
     if not 0 <= hits <= count or not count:
-        raise ValueError(f"{hits} of {count} is no share")
+        raise ValueError(f"{hits} of {count} is not a share")
     z2 = statistics.NormalDist().inv_cdf((1 + LEVEL) / 2) ** 2
     middle = (hits + z2 / 2) / (count + z2)
     half = math.sqrt(z2 * (hits * (count - hits) / count + z2 / 4)) / (count + z2)

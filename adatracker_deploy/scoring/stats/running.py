@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 KEPT = 4096
-"""So many values are kept as they are, and what is said of them is exact."""
+"""Number of values that are kept as they are; up to it, results are exact."""
 ACCURACY = 0.001
 """Relative accuracy of a quantile once there are more values than are kept."""
 LEAST, MOST = 1e-3, 1e7

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Fall:
-    """Where the curve falls."""
+    """One step down of the curve."""
 
     at: float
     """Steps, or whatever the durations are in."""

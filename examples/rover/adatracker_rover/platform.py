@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class RoverPlatform(RoverAdapter):
-    """What ``--platform rover`` drives, and what it rehearses with."""
+    """The robot behind ``--platform rover``, with its simulator."""
 
     SitlSettings = SitlSettings
     profile_dir = Path(__file__).parent / "profiles"

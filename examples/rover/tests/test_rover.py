@@ -1,4 +1,4 @@
-"""What the conformance suite cannot know: this rover's remote control, its time-out, and who answers."""
+"""Tests beyond the conformance suite: this rover's remote control, its time-out, and who answers."""
 
 import contextlib
 import dataclasses

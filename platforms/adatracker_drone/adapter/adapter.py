@@ -60,6 +60,11 @@ class DroneAdapter(Platform):
     Connection = Connection
     default_profile = "px4_quad"
 
+    @classmethod
+    def identity(cls, profile: Profile) -> str:
+        """Name the autopilot's link: the same for every profile that reaches it from this machine."""
+        return str(profile.connection.robot)
+
     def __init__(self, profile: Profile, clock: Clock) -> None:
         super().__init__(profile, clock)
         self._connection: Connection = profile.connection
@@ -82,7 +87,7 @@ class DroneAdapter(Platform):
                 return
             altitude_band(self._connection, self.profile.limits)
             with contextlib.ExitStack() as undo:
-                claim = Claim(f"mavlink:{self._connection.url}:{self._connection.system_id}")
+                claim = Claim(self._connection.robot)
                 undo.callback(claim.close)
                 vehicle = Vehicle(self._connection, self.clock, self._authority.on_mode)
                 undo.callback(vehicle.close)
@@ -112,7 +117,7 @@ class DroneAdapter(Platform):
                 raise PlatformError(
                     f"no autopilot with system id {self._connection.system_id} heard on "
                     f"{self._connection.url} within {timeout_s:g} s{ignored}: "
-                    + ("it does not tell its uid" if found else "power it, and let it send MAVLink there")
+                    + ("it does not report its uid" if found else "power it, and let it send MAVLink there")
                 )
             self.clock.sleep_until(now_ns + TICK_NS)
         if wanted and vehicle.heard.uid != wanted:
@@ -267,7 +272,7 @@ class DroneAdapter(Platform):
         A drone that is armed and has not left the ground yet is told to land instead.
 
         Raises:
-            PlatformError: HOLD was not acknowledged, or the autopilot does not tell whose the drone is.
+            PlatformError: HOLD was not acknowledged, or the autopilot does not report who controls the drone.
         """
         self._withdraw(reason)
         with self._turn:
@@ -283,8 +288,8 @@ class DroneAdapter(Platform):
         """Land, and return once the drone stands disarmed; at once if it never left the ground.
 
         Raises:
-            PlatformError: LAND was not acknowledged, the autopilot does not tell whose the drone is, or it
-                did not land and disarm within 60 s.
+            PlatformError: LAND was not acknowledged, the autopilot does not report who controls the drone, or
+                it did not land and disarm within 60 s.
         """
         self._withdraw()
         with self._turn:

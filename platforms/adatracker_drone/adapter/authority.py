@@ -13,7 +13,7 @@ import threading
 from typing import TYPE_CHECKING
 
 from adatracker_deploy.core.errors import PlatformError
-from adatracker_deploy.core.messages import ZERO, Twist
+from adatracker_deploy.core.messages import LONGEST_REASON, ZERO, Twist
 from adatracker_deploy.runtime.suspend import SuspendWatch
 from adatracker_drone.protocol.setpoints import AltitudeHold
 
@@ -23,9 +23,6 @@ if TYPE_CHECKING:
     from adatracker_drone.adapter.transport import Vehicle
     from adatracker_drone.adapter.vehicle_state import VehicleState
     from adatracker_drone.protocol.connection import Connection
-
-LONGEST_REASON = 95
-"""The limit of `PlatformState.stopped`."""
 
 
 class ControlAuthority:
@@ -37,11 +34,11 @@ class ControlAuthority:
         self.in_charge = False
         """This side requested the vehicle's current mode, so it has to land the vehicle."""
         self.stopped = ""
-        """Why consent was revoked; empty if nothing unusual has happened."""
+        """Reason for revoking consent; empty if nothing unusual has happened."""
         self.taken_over = False
         """Consent was revoked by an unrequested mode change."""
         self.ground_down_m = 0.0
-        """Where the drone took off, in PX4's local frame."""
+        """Height of the take-off point in PX4's local frame, positive down."""
         self.loss_s = 1.0
         """Time without a set-point after which the autopilot's own fail-safe acts (COM_OF_LOSS_T)."""
         self._connection = connection
@@ -51,7 +48,7 @@ class ControlAuthority:
         self._expected: frozenset[str] = frozenset()
         self._altitude_hold: AltitudeHold | None = None
         self._sent_ns = 0
-        """When the last set-point went out."""
+        """Time of the last set-point."""
         self._suspends = SuspendWatch(clock)
 
     def give_consent(self) -> None:
@@ -198,7 +195,7 @@ class ControlAuthority:
     def _require_alone(self, vehicle: Vehicle) -> None:
         """Withdraw consent if another sender is heard where none is allowed."""
         if self._connection.alone and vehicle.strangers:
-            self.withdraw(vehicle, f"somebody else talks on the link: {vehicle.ignored}")
+            self.withdraw(vehicle, f"somebody else sends on the link: {vehicle.ignored}")
 
     def _out_of_time(self) -> str:
         """Return why this side's next set-point would come too late after the last; empty if it would not."""

@@ -22,16 +22,16 @@ class Backlog:
     def __init__(self, speed: float = 1.0) -> None:
         self._most = round(MOST_BEHIND * max(1.0, speed))
         self._handed: int | None = None
-        """None while nobody is told of anything."""
+        """None while nobody subscribes."""
         self._told = 0
         self._told_s = 0.0
 
     def begin(self, now_s: float) -> None:
-        """Count from now on: there is somebody to be told."""
+        """Count from now on: there is a subscriber."""
         self._told, self._told_s, self._handed = 0, now_s, 0
 
     def tell(self, now_s: float) -> None:
-        """Count a HEARTBEAT that was told of."""
+        """Count a HEARTBEAT that was delivered."""
         self._told += 1
         self._told_s = now_s
 

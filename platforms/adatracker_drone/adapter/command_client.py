@@ -119,7 +119,7 @@ class CommandClient:
             return False
         if not self.hear_mode():
             raise PlatformError(
-                "the autopilot does not tell its mode, so that nobody knows whose the drone is: its own "
+                "the autopilot does not report its mode, so nobody knows who controls the drone: its own "
                 "fail-safe acts; be ready with the remote control"
             )
         return self._authority.in_charge

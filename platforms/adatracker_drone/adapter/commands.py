@@ -18,7 +18,7 @@ class VehicleCommand:
     """A COMMAND_LONG."""
 
     says: str
-    """What it asks for, after "did not"."""
+    """The requested action, in words that follow "did not"."""
     command: int
     """MAV_CMD."""
     parameters: tuple[float | None, ...] = ()
@@ -51,14 +51,14 @@ TAKE_OFF = VehicleCommand("take off", 22, (None,) * _PARAMETERS)
 LAND = VehicleCommand("land", 21, (None,) * _PARAMETERS)
 HOLD = _mode("hold", 4, 3)
 OFFBOARD = _mode("switch to OFFBOARD", 6, 0)
-TELL_MODE = _request("tell its mode", HEARTBEAT)
+TELL_MODE = _request("report its mode", HEARTBEAT)
 """PX4 answers this one at any time; CURRENT_MODE it refuses while there is nothing new in it."""
-TELL_VERSION = _request("tell who it is", _AUTOPILOT_VERSION)
+TELL_VERSION = _request("identify itself", _AUTOPILOT_VERSION)
 
 
 def rates(rate_hz: float) -> tuple[VehicleCommand, ...]:
     """Return the orders to tell mode and landing at a rate. HEARTBEAT's own 1 Hz PX4 does not change."""
     return tuple(
-        VehicleCommand(f"tell message {message} at {rate_hz:g} Hz", 511, (message, 1e6 / rate_hz))
+        VehicleCommand(f"send message {message} at {rate_hz:g} Hz", 511, (message, 1e6 / rate_hz))
         for message in (CURRENT_MODE, _EXTENDED_SYS_STATE)
     )

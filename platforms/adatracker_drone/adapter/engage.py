@@ -31,7 +31,7 @@ _LANDING_TIMEOUT_S = 60.0
 _NEAR_GROUND_M = 0.5
 """Below this height a drone in take-off may still be on the ground, where HOLD could not stop its thrust."""
 _DRIFT_M = 0.3
-"""How far the height may have drifted during a climb."""
+"""Largest drift of the height during a climb."""
 
 
 class Manoeuvres:
@@ -106,7 +106,7 @@ class Manoeuvres:
         self.talk.order(TAKE_OFF, "TAKEOFF", "HOLD")
         settled_ns = self.talk.deadline_ns(_SETTLE_S)
         self.talk.demand(
-            lambda: vehicle.heard.mode_t_ns > settled_ns, _SWITCH_TIMEOUT_S, "no mode told after take-off"
+            lambda: vehicle.heard.mode_t_ns > settled_ns, _SWITCH_TIMEOUT_S, "no mode reported after take-off"
         )
         self._authority.expect(vehicle, "TAKEOFF", "HOLD")
         self.talk.demand(
@@ -152,7 +152,7 @@ class Manoeuvres:
         """Command LAND, and on the ground also disarm; return whether this side was still in charge.
 
         Raises:
-            PlatformError: LAND was not acknowledged, or the autopilot does not tell whose the drone is.
+            PlatformError: LAND was not acknowledged, or the autopilot does not report who controls the drone.
         """
         if not self.talk.order_down(LAND, "LAND", "HOLD"):
             return False
@@ -212,7 +212,7 @@ class Manoeuvres:
 
     @property
     def near_ground(self) -> bool:
-        """Whether the drone may stand on the ground still, whatever its thrust does."""
+        """Whether the drone may still stand on the ground, whatever its thrust does."""
         heard = self.vehicle.heard
         low = heard.landed is Landed.TAKING_OFF and self._authority.altitude_m(heard) < _NEAR_GROUND_M
         return heard.on_ground or low

@@ -1,4 +1,4 @@
-"""What would make an autopilot's parameters pass the preflight. Pure; nothing is written here."""
+"""Changes that would make an autopilot's parameters pass the preflight. Pure; nothing is written here."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Change:
 def proposed(parameters: Parameters) -> tuple[Change, ...]:
     """Return the changes that the preflight asks for, of parameters that this autopilot has.
 
-    The size of a fence is left to whoever knows the field.
+    The size of a fence is left to the operator, who knows the field.
     """
     changes = []
     loss_s, action = parameters.COM_OF_LOSS_T, parameters.COM_OBL_RC_ACT

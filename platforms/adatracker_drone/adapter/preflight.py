@@ -68,11 +68,11 @@ def link_checks(url: str, signing_key: str, ignored: str, *, blocking: bool = Fa
     Args:
         url: of the connection, checked.
         signing_key: of the connection.
-        ignored: what has come and was not listened to, in words.
+        ignored: messages that came and were ignored, in words.
         blocking: somebody else was heard where nobody may be.
     """
     doubts = (
-        (bool(ignored), f"somebody else talks on it; {ignored}"),
+        (bool(ignored), f"somebody else sends on it; {ignored}"),
         (
             url.startswith("udpin://0.0.0.0:"),
             "it is open on every network of this machine: bind the address of one in connection.url",
@@ -98,10 +98,10 @@ def mode_checks(
     """Check the drone's mode, and how soon a pilot's mode change is noticed.
 
     Args:
-        mode: as it was told last.
+        mode: as last reported.
         armable: whether the autopilot would arm in it.
         left_offboard: whether it stood in OFFBOARD and was put into HOLD just now.
-        tells_current_mode: whether it tells CURRENT_MODE.
+        tells_current_mode: whether it sends CURRENT_MODE.
     """
     found = "it stood in OFFBOARD, where PX4 does not arm, and was put into HOLD" if left_offboard else mode
     stuck = mode != "HOLD" and not armable
@@ -118,7 +118,7 @@ def mode_checks(
             tells_current_mode,
             "a pilot's change of mode is known at once (CURRENT_MODE)"
             if tells_current_mode
-            else "this autopilot tells its mode once a second (no CURRENT_MODE, which PX4 has from 1.15 on): "
+            else "this autopilot reports its mode once a second (no CURRENT_MODE, which PX4 has since 1.15): "
             "a pilot's change of mode is noticed up to 1 s late",
             blocking=False,
         ),

@@ -22,11 +22,11 @@ AUTOPILOT_COMPONENT = 1
 
 
 class Ignored(enum.StrEnum):
-    """Why an incoming message was ignored."""
+    """Reasons for ignoring an incoming message."""
 
     STRANGER = "from an address that is not the autopilot's"
     FORGED = "without a valid signature"
-    MALFORMED = "that are no MAVLink, or not whole, or whose text is not printable"
+    MALFORMED = "that are not MAVLink, are incomplete, or have unprintable text"
     OTHER = "of other systems or of messages that are not needed"
     """Harmless: ground stations and gimbals share a drone's link."""
 

@@ -50,7 +50,7 @@ _STATUS_RATE_HZ = 20.0
 """Requested rate of CURRENT_MODE and EXTENDED_SYS_STATE; a real PX4 then reported new modes after 8 to 63
 ms."""
 _ARDUPILOT = (
-    "the autopilot is ArduPilot (by its HEARTBEAT), no PX4: its modes, fail-safes and parameters are others: "
+    "the autopilot is ArduPilot (by its HEARTBEAT), not PX4: its modes, fail-safes and parameters differ, so "
     "no stop and no check would mean the same; fly PX4, or add a robot of your own (docs/add-a-robot.md)"
 )
 _OURS = "raw://"

@@ -66,7 +66,7 @@ class UdpLink:
         self._sending = threading.Lock()
         self._closed = False
         self._strangers_s = 0.0
-        """When they are looked at next."""
+        """Time of the next check of unknown senders."""
         self._sockets = [_bound(address) if binds else _dialling(address)]
         self._spoken_to = None if binds else self._sockets[0]
         if binds and peer is not None:

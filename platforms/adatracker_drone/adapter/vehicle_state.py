@@ -37,11 +37,11 @@ HEALTH = {
     "is_global_position_ok": "global position",
     "is_home_position_ok": "home position",
 }
-"""What must work before a flight, by MAVSDK's names."""
+"""The checks that must pass before a flight, by MAVSDK's names."""
 
 
 class Landed(enum.Enum):
-    """What the land detector says (MAV_LANDED_STATE)."""
+    """The land detector's state (MAV_LANDED_STATE)."""
 
     UNKNOWN = 0
     ON_GROUND = 1
@@ -72,23 +72,23 @@ class VehicleState:
     landed: Landed = Landed.UNKNOWN
     armable: bool = False
     unhealthy: tuple[str, ...] = tuple(HEALTH.values())
-    """What does not work yet."""
+    """The failing checks."""
     battery: float | None = None
     """State of charge, 0 to 1."""
     battery_t_ns: int = 0
     complaint: str = ""
     """The last text or event of severity warning or worse."""
     uid: str = ""
-    """The autopilot's own number (AUTOPILOT_VERSION, uid2), in hexadecimal; empty before it was told."""
+    """The autopilot's own number (AUTOPILOT_VERSION, uid2), in hexadecimal; empty before its first report."""
 
     @property
     def on_ground(self) -> bool:
-        """Whether the land detector says so; False also before it has said anything."""
+        """Whether the land detector reports the ground; False also before its first report."""
         return self.landed is Landed.ON_GROUND
 
     @property
     def in_air(self) -> bool:
-        """Whether the land detector says anything else."""
+        """Whether the land detector reports any other state."""
         return self.landed not in (Landed.ON_GROUND, Landed.UNKNOWN)
 
 

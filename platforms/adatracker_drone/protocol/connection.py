@@ -39,9 +39,14 @@ class Connection:
     """Charge needed to take off; 0 also accepts a vehicle that does not measure it."""
     connect_timeout_s: Annotated[float, Range(1, 120)] = 10.0
     ready_timeout_s: Annotated[float, Range(0, 300)] = 20.0
-    """How long the preflight waits for sensors, position and home."""
+    """Time for which the preflight waits for sensors, position and home."""
     telemetry_timeout_s: Annotated[float, Range(0.1, 5)] = 0.27
     """Without a position for this long the drone is flown no further."""
+
+    @property
+    def robot(self) -> str:
+        """Name the autopilot's link: the same in every run on this machine that would reach it."""
+        return f"mavlink:{self.url}:{self.system_id}"
 
     def __post_init__(self) -> None:
         if self.signing_key and not self.url.startswith("udp"):

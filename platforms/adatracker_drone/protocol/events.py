@@ -46,7 +46,7 @@ REASONS = {
     "check_system_safety_button": "press the safety button first",
     "check_system_usb_connected": "USB connected",
 }
-"""What PX4 says with each, by its name."""
+"""PX4's text of each event, by its name."""
 
 
 def number_of(name: str) -> int:

@@ -46,7 +46,7 @@ HEARD = {
 """The messages that this side listens to, and the CRC_EXTRA of each (common.xml)."""
 
 _TEXTS = {22: slice(8, 24), 253: slice(1, 51)}
-"""Where in its payload a message has text: PARAM_VALUE's name, STATUSTEXT's text."""
+"""Position of the text in a message's payload: PARAM_VALUE's name, STATUSTEXT's text."""
 _PLAIN = frozenset(range(0x20, 0x7F)) | {0x09}
 """Printable ASCII, and the tab that PX4 puts behind a text: nothing that a terminal would obey."""
 

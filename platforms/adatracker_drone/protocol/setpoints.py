@@ -15,7 +15,7 @@ from adatracker_deploy.core.messages import Twist
 from adatracker_drone.protocol.frames import rotate
 
 AUTOPILOT = (1, 1)
-"""System and component id that PX4 answers to unless it was told otherwise."""
+"""System and component id that PX4 answers to unless configured otherwise."""
 
 _FRAME_BODY_NED = 8
 """MAV_FRAME_BODY_NED; PX4 rotates such a velocity by the yaw alone, so it stays level in a tilted vehicle."""
@@ -133,7 +133,7 @@ class AltitudeHold:
     """The reference never goes above this altitude."""
     reference_m: float
     t_ns: int
-    """When the reference last moved."""
+    """Time of the reference's last move."""
     gain_1_s: float = 1.0
     correction_m_s: float = 0.5
     """Largest climb rate that the error alone can cause."""

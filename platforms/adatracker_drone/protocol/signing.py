@@ -24,7 +24,7 @@ def read_key(path: str) -> bytes:
     """Read a signing key: a file of 32 bytes that nobody but its owner may read.
 
     Raises:
-        UsageError: it is not there, is no such file, or others may read it.
+        UsageError: it is missing, is not such a file, or others may read it.
     """
     where = "connection: signing_key"
     try:
@@ -37,7 +37,7 @@ def read_key(path: str) -> bytes:
             f"{where}: {path} is not {KEY_BYTES} bytes, such as head -c {KEY_BYTES} /dev/urandom makes"
         )
     if not any(key):
-        raise UsageError(f"{where}: {path} is all zeros, which is no secret")
+        raise UsageError(f"{where}: {path} is all zeros, which is not a secret")
     return key
 
 

@@ -172,7 +172,7 @@ class Autopilot:
         return Instant(t_ns, self._estimate, self.commander, ready, self.identity.uid)
 
     def _tell(self, number: int) -> bool:
-        """Send one message of a stream now; False if there is none, or nothing new to tell in it."""
+        """Send one message of a stream now; False if there is none, or it has nothing new."""
         message = self._streams.once(number, self._instant())
         if message is not None:
             self._out.append(message)
@@ -203,7 +203,7 @@ class Autopilot:
         return Result.DENIED
 
     def _take_off(self, params: tuple[float, ...]) -> Result:
-        """Take off to a height above sea level, or to MIS_TAKEOFF_ALT where that is none above home."""
+        """Take off to a height above sea level, or to MIS_TAKEOFF_ALT if that is not above home."""
         above_home_m = params[6] - HOME_ALTITUDE_M
         return self.commander.takeoff(above_home_m if above_home_m > 0 else math.nan, self._now_s)
 

@@ -79,7 +79,7 @@ class Commander:
         self.lifts = False
         """The ramp is over: the motors follow the demand."""
         self.said: deque[Said] = deque(maxlen=32)
-        """For STATUSTEXT and EVENT; whoever sends them takes them out."""
+        """For STATUSTEXT and EVENT; the sender takes them out."""
         self.takeoff_altitude_m = parameters["MIS_TAKEOFF_ALT"]
         """Above home."""
         self.home_m = 0.0
@@ -87,7 +87,7 @@ class Commander:
         self.battery = 1.0
         """State of charge, 0 to 1; set by the owner."""
         self.published_s = 0.0
-        """When `vehicle_status` was published last."""
+        """Time of the last publication of `vehicle_status`."""
         self._published: tuple[Mode, Mode, bool, bool] | None = None
         self.wanted = Mode.HOLD
         """The mode that was asked for last: the user's intention."""
@@ -99,7 +99,7 @@ class Commander:
         self._landed_s = 0.0
         self._still_since_s = 0.0
         self._reached_s: float | None = None
-        """When a takeoff reached its altitude and has not been reported finished."""
+        """Time at which a takeoff reached its altitude; None once it is reported finished."""
 
     def ready(self, now_s: float) -> bool:
         """Return whether the arming checks of the present mode pass."""
@@ -109,7 +109,7 @@ class Commander:
 
     @property
     def landed_state(self) -> Landed:
-        """What EXTENDED_SYS_STATE says."""
+        """The state that EXTENDED_SYS_STATE reports."""
         if self.landed:
             return Landed.ON_GROUND
         special = {Mode.TAKEOFF: Landed.TAKING_OFF, Mode.LAND: Landed.LANDING}

@@ -56,7 +56,7 @@ _READ = (
 
 
 class Power(enum.Enum):
-    """What the motors do."""
+    """State of the motors."""
 
     OFF = enum.auto()
     IDLE = enum.auto()
@@ -132,13 +132,13 @@ class DroneBody(Body):
 
     @property
     def pose(self) -> Pose:
-        """Where the origin is; x east, y north."""
+        """Pose of the origin; x east, y north."""
         m = self.motion
         return NedPose(m.north, m.east, m.down, m.roll, m.pitch, m.heading).to_enu()
 
     @property
     def camera_pose(self) -> Pose:
-        """Where the camera is, fixed to the airframe: it tilts with it."""
+        """Pose of the camera, fixed to the airframe: it tilts with it."""
         return self.settings.camera.pose(self.pose)
 
     @property

@@ -26,7 +26,7 @@ _TORQUE_M = 0.01965
 _FULL_THRUST_N, _THRUST_POWER = 15.53, 1.72
 """Static thrust of a motor is 15.53 N * command ** 1.72: exact in hover, within 4 % from 0.3 to 1."""
 _MIX = ((-1, 1, 1), (1, -1, 1), (1, 1, -1), (-1, -1, -1))
-"""How each motor's thrust takes part in roll, pitch and yaw."""
+"""Share of each motor's thrust in roll, pitch and yaw."""
 
 _VELOCITY_P, _VELOCITY_I = 1.6, 0.15
 _CLIMB_P, _CLIMB_I = 3.5, 1.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 HOME_LATITUDE_DEG, HOME_LONGITUDE_DEG, HOME_ALTITUDE_M = 47.397742, 8.545594, 488.0
-"""Where the start is on Earth: the home of PX4's own simulators."""
+"""Position of the start on Earth: the home of PX4's own simulators."""
 
 
 class Motion(NamedTuple):

@@ -39,7 +39,7 @@ NOTHING = Ned(math.nan, math.nan, math.nan)
 
 @dataclass(frozen=True, slots=True)
 class SetPoint:
-    """What an offboard sender asks for; NaN means not asked for, as in PX4's trajectory_setpoint."""
+    """An offboard sender's set-point; NaN means not asked for, as in PX4's trajectory_setpoint."""
 
     position: Ned = NOTHING
     """m, in the local frame."""

@@ -85,4 +85,4 @@ SERVICES: dict[str, Callable[[Any, Parameters, float], list[Message]]] = {
     "PING": _ping,
     "TIMESYNC": _tell_time,
 }
-"""What can be asked, by message type."""
+"""The handlers of requests, by message type."""

@@ -19,6 +19,7 @@ import dataclasses
 import importlib.util
 import ipaddress
 import json
+import platform as machine
 import re
 import secrets
 import socket
@@ -28,12 +29,12 @@ from typing import TYPE_CHECKING
 from adatracker_deploy.config.schema import parse
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.core.faults import BATTERY_LOW, LINK_DROP, ROBOT_SILENT, TAKEOVER
-from adatracker_deploy.platform import Scenario, Sitl
 from adatracker_deploy.sim.process import (
     FaultCommands,
-    SimulatorProcess,
+    ProcessSitl,
     add_arguments,
     announce_ready,
+    given_scenario,
     parent_watchdog,
     refuse,
     simulator_clock,
@@ -44,6 +45,7 @@ from adatracker_drone.sim.settings import SitlSettings
 if TYPE_CHECKING:
     from adatracker_deploy.config.profile import Profile
     from adatracker_deploy.core.clock import Clock
+    from adatracker_deploy.platform import Scenario
     from adatracker_drone.sim.simulator import Simulator
 
 STOP_TIMEOUT_S = 65.0
@@ -53,15 +55,18 @@ UID_BYTES = 18
 _GCS = re.compile(r"udpout:([0-9.]+):(\d+)")
 
 
-class DroneSitl(Sitl):
-    """Starts the simulator on its own link; the profile's ``connection.url`` is not used."""
+class DroneSitl(ProcessSitl):
+    """Starts the simulator on its own link; the profile's ``connection.url`` is not used.
 
+    Its end takes no command: a vehicle still in the air lands by its link or by its own fail-safe, within a
+    minute.
+    """
+
+    module = "adatracker_drone.sim.sitl"
+    robot = "simulated drone"
+    stop_timeout_s = STOP_TIMEOUT_S
     faults = (LINK_DROP, ROBOT_SILENT, BATTERY_LOW, TAKEOVER)
     """The faults it supports; its camera is rendered in the tracker, and freezes there."""
-
-    def __init__(self, profile: Profile) -> None:
-        self._profile = profile
-        self._process = SimulatorProcess("adatracker_drone.sim.sitl", "simulated drone", STOP_TIMEOUT_S)
 
     def start(self, clock: Clock, scenario: Scenario) -> Profile:
         """Start the simulator and wait until it is up; the world is drawn elsewhere, by the drone's pose.
@@ -76,8 +81,9 @@ class DroneSitl(Sitl):
         connection = self._profile.connection
         ready = self._process.start(
             clock,
+            scenario,
             [
-                *("--port", str(port), "--seed", str(scenario.seed), "--settings", settings, "--uid", uid),
+                *("--port", str(port), "--settings", settings, "--uid", uid),
                 *("--system-id", str(connection.system_id)),
                 *(("--signing-key", connection.signing_key) if connection.signing_key else ()),
             ],
@@ -92,17 +98,6 @@ class DroneSitl(Sitl):
         camera = dataclasses.replace(self._profile.camera, uri=f"world://{scenario.scene}")
         return dataclasses.replace(self._profile, connection=connection, camera=camera)
 
-    def close(self) -> None:
-        """Tell the process to end and wait: it ends once the vehicle has landed, or after a minute.
-
-        Nothing takes command here: a vehicle still in the air lands by its link or by its own fail-safe.
-        """
-        self._process.close()
-
-    def order(self, line: str) -> None:
-        """Send a command to the simulator."""
-        self._process.order(line)
-
 
 def _free_port() -> int:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
@@ -111,7 +106,7 @@ def _free_port() -> int:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the simulator until it is told to end; return the exit status."""
+    """Run the simulator until its parent ends it; return the exit status."""
     args = _arguments().parse_args(argv)
     try:
         settings = parse(SitlSettings, json.loads(args.settings), where="settings")
@@ -141,13 +136,17 @@ def _power_on(
     from adatracker_drone.sim.simulator import Simulator
 
     identity = Identity(args.system_id, bytes.fromhex(args.uid))
-    return Simulator(settings, args.seed, args.speed, addresses, key=key, orders=orders, identity=identity)
+    seed = given_scenario(args).seed
+    return Simulator(settings, seed, args.speed, addresses, key=key, orders=orders, identity=identity)
 
 
 def _require_libraries() -> None:
     for library in ("jsbsim", "pymavlink"):
         if importlib.util.find_spec(library) is None:
-            raise UsageError(f"a simulated drone needs {library}: pip install 'adatracker-deploy[sitl]'")
+            how = "pip install 'adatracker-deploy[sitl]'"
+            if library == "jsbsim" and machine.machine() == "aarch64":  # which that extra leaves out there
+                how = "pip install jsbsim (it has no wheel for aarch64; cmake and a compiler build it)"
+            raise UsageError(f"a simulated drone needs {library}: {how}")
 
 
 def _gcs_address(text: str) -> list[tuple[str, int]]:

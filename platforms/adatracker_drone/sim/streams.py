@@ -33,16 +33,16 @@ _STREAMS: dict[int, tuple[Callable[[Instant], Message], float]] = {
     mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: (telemetry.gps_global_origin, 0),
     mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: (telemetry.autopilot_version, 0),
 }
-"""What makes each message, and its rate in Hz as PX4's onboard link has it; 0 is on request only."""
+"""The maker of each message, and its rate in Hz as PX4's onboard link has it; 0 is on request only."""
 
 _FASTEST_HZ = 250.0
 
 
 class Streams:
-    """When each stream is next due.
+    """The schedule of the streams.
 
-    CURRENT_MODE differs from the others: it is told only when `vehicle_status` was published since it was
-    last told, and at once then where its interval has passed.
+    CURRENT_MODE differs from the others: it is sent only when `vehicle_status` was published since it was
+    last sent, and then at once if its interval has passed.
 
     Args:
         tells_current_mode: False for a PX4 that has no such message.

@@ -8,6 +8,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import common as mavlink
 
+from adatracker_deploy.core.geometry import Quaternion
 from adatracker_drone.protocol.dialect import CurrentMode
 from adatracker_drone.sim.commander import Commander
 from adatracker_drone.sim.motion import HOME_ALTITUDE_M, HOME_LATITUDE_DEG, HOME_LONGITUDE_DEG, Motion
@@ -34,7 +35,7 @@ _FLYING_A, _IDLE_A = 14.0, 0.5
 
 @dataclass(frozen=True, slots=True)
 class Instant:
-    """What messages are made from."""
+    """The state that messages are made from."""
 
     t_ns: int
     """Since power-on."""
@@ -113,19 +114,8 @@ def attitude(now: Instant) -> Message:
 def attitude_quaternion(now: Instant) -> Message:
     """Tell the attitude as w, x, y, z."""
     m = now.estimate
-    cr, sr = math.cos(m.roll / 2), math.sin(m.roll / 2)
-    cp, sp = math.cos(m.pitch / 2), math.sin(m.pitch / 2)
-    cy, sy = math.cos(m.heading / 2), math.sin(m.heading / 2)
-    return mavlink.MAVLink_attitude_quaternion_message(
-        _ms(now),
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-        m.p,
-        m.q,
-        m.r,
-    )
+    turned = Quaternion.of(m.roll, m.pitch, m.heading)
+    return mavlink.MAVLink_attitude_quaternion_message(_ms(now), *turned, m.p, m.q, m.r)
 
 
 def local_position(now: Instant) -> Message:

@@ -8,17 +8,17 @@ import time
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from adatracker_deploy.config.camera_topic import with_camera
 from adatracker_deploy.core.camera import ROBOT
 from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.log_throttle import worth_logging
-from adatracker_deploy.core.messages import ZERO, PlatformState, Twist
+from adatracker_deploy.core.messages import LONGEST_REASON, ZERO, PlatformState, Twist
 from adatracker_deploy.core.stamps import fresh_or_none
 from adatracker_deploy.platform import Check, Platform
 from adatracker_deploy.runtime.suspend import SuspendWatch
 from adatracker_quadruped.adapter.preflight import judge
 from adatracker_quadruped.adapter.survey import survey, until
 from adatracker_quadruped.adapter.transport import Wire
-from adatracker_quadruped.protocol.camera_topic import with_camera
 from adatracker_quadruped.protocol.connection import Connection
 from adatracker_quadruped.protocol.keys import Keys
 
@@ -33,7 +33,6 @@ _ZERO_PERIOD_S = 0.02
 _REST_TIMEOUT_S = 3.0
 _REST_M_S, _REST_RAD_S = 0.1, 0.2
 """Measured motion below both is rest: the trunk of a robot that stands still sways."""
-_LONGEST_REASON = 95
 
 
 class QuadrupedAdapter(Platform):
@@ -47,6 +46,11 @@ class QuadrupedAdapter(Platform):
     axes = frozenset({"vx", "vy", "yaw_rate"})
     Connection = Connection
     default_profile = "go2"
+
+    @classmethod
+    def identity(cls, profile: Profile) -> str:
+        """Name the quadruped's connection: the same for every profile that reaches it from this machine."""
+        return str(profile.connection.robot)
 
     def __init__(self, profile: Profile, clock: Clock) -> None:
         super().__init__(profile, clock)
@@ -64,7 +68,7 @@ class QuadrupedAdapter(Platform):
         """Number of stop requests, whether or not there was anything to stop."""
         self._suspends = SuspendWatch(clock)
         self._sent_ns = 0
-        """When the newest command was made; 0 since the last engage."""
+        """Time of the newest command; 0 since the last engage."""
         self._told = 0
         """Number of malformed messages at the last notice."""
 
@@ -149,7 +153,7 @@ class QuadrupedAdapter(Platform):
 
     def state(self) -> PlatformState:
         """Return the newest odometry and battery state; the pose is in the robot's odometry frame."""
-        wire, engaged, stopped = self._wire, self._engaged, self._stopped[:_LONGEST_REASON]
+        wire, engaged, stopped = self._wire, self._engaged, self._stopped[:LONGEST_REASON]
         reading = wire.watch.odometry.newest if wire is not None else None
         if wire is None or reading is None:
             return PlatformState(t_ns=0, stopped=stopped)

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import zenoh
 
+from adatracker_deploy.config.camera_topic import with_camera
 from adatracker_deploy.perception.zenoh_camera import CompressedImageCamera
-from adatracker_quadruped.protocol.camera_topic import with_camera
 from adatracker_quadruped.protocol.keys import Keys
 from adatracker_quadruped.protocol.rehearsal_keys import TRUTH_CAP_BYTES, SitlKeys, stamp_of, truth_of
 from adatracker_quadruped.protocol.session import open_session
@@ -39,7 +39,7 @@ class ZenohCamera(CompressedImageCamera):
         """In a rehearsal."""
 
     def go(self) -> None:
-        """Let the people of a rehearsal walk; a real robot is not told."""
+        """Let the people of a rehearsal walk; a real robot gets no request."""
         with self._using:
             if self._session is not None and self._truths is not None:
                 self._session.put(self._sitl_keys.go, b"")

@@ -33,7 +33,7 @@ class Commander:
         self._meant = meant
         keys = Keys(connection)
         self.key = keys.command
-        """Where commands go."""
+        """Key of the commands."""
         self._connection = connection
         self._outlet = Publisher(session, keys.command, attaches=keys.attaches)
 

@@ -1,11 +1,11 @@
 """Lease: one host at a time controls the robot, by liveliness tokens at its router.
 
 ``TOKEN``            is declared by the owner alone: a robot that watches it stops when its owner dies.
-``TOKEN/claim/ZID``  is declared by whoever would like to own it, *before* anybody looks.
-``TOKEN/owner/ZID``  is the owner's too, and tells two owners apart.
+``TOKEN/claim/ZID``  is declared by a host that wants to own it, *before* it looks for others.
+``TOKEN/owner/ZID``  is the owner's too, and distinguishes two owners.
 
-Whoever claims waits for `SETTLE_S` and then looks: an owner has it already, or somebody else claims it whose
-session has a smaller id, and the claim is given up; else it is theirs. A claim reaches the others within
+A host with a claim waits for `SETTLE_S` and then looks. If there is an owner, or a claim of a session with a
+smaller id, it gives up its claim; otherwise it becomes the owner. A claim reaches the others within
 milliseconds, so of two that claim at once at least one sees the other, and both judge alike. Should there be
 two owners all the same (one was stopped in the midst of its claim, or cut off from the router and came back),
 the one with the larger id sees that it has lost.
@@ -53,7 +53,7 @@ class Lease:
 
     @property
     def owned(self) -> bool:
-        """Whether this host owns the robot, as far as it has looked."""
+        """Whether this host owns the robot, as of the last check."""
         return bool(self._held)
 
     def take(self, given_up: Callable[[], bool] = lambda: False) -> bool:

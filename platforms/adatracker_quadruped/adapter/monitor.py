@@ -85,7 +85,7 @@ class RobotMonitor:
         if self._tokens is not None and not self._tokens.alive():
             return f"the robot is gone: no liveliness token {self._connection.robot_liveliness}"
         if self._driver.restarted_s() < UNSETTLED_S:
-            return "the odometry's time stamps went back: its driver was restarted, or there are two of it"
+            return "the odometry's time stamps went back: its driver was restarted, or there are two"
         if (age_s := self.odometry_age_s()) > self._connection.odometry_timeout_s:
             return f"no odometry for {age_s:.2f} s: the robot or the link to it is down"
         return ""
@@ -147,7 +147,7 @@ class Fresh(Generic[S]):
         """Return the message in a payload.
 
         Raises:
-            Malformed: it is none, or its stamp is not newer than the newest.
+            Malformed: it is invalid, or its stamp is not newer than the newest.
         """
         message = self._decode(payload)
         restarts = self._order.restarts

@@ -101,7 +101,7 @@ def _battery(heard: RobotTelemetry, connection: Connection) -> Check:
     least = connection.min_battery
     if heard.battery is None:
         mend = "" if least == 0 else ": name connection.battery_topic, or set min_battery to 0 to go without"
-        return Check("battery", ok=least == 0, message=f"the robot does not tell its charge{mend}")
+        return Check("battery", ok=least == 0, message=f"the robot does not report its charge{mend}")
     ok = heard.battery >= least
     return Check(
         "battery", ok, f"{heard.battery:.0%}" + ("" if ok else f"; charge it to {least:.0%} at least")
@@ -116,7 +116,7 @@ def _own_timeout(connection: Connection) -> Check:
         ok,
         f"the profile says that the robot stops by itself {timeout_s:g} s after the last command"
         + (
-            "; no message tells, so see it stop once, held up by hand"
+            "; no message reports it, so see it stop once, held up by hand"
             if ok
             else f": set it to {LONGEST_TIMEOUT_S:g} s or less on the robot, then in the profile"
         ),

@@ -31,13 +31,13 @@ class Wire:
     """Opens everything or nothing; close it from any thread.
 
     Raises:
-        PlatformError: nobody answers at the endpoint, another program on this machine has the robot, or it is
-            not the one that this rehearsal has started.
+        PlatformError: nothing answers at the endpoint, another program on this machine has the robot, or the
+            robot is not the one that this rehearsal has started.
         UsageError: a file that the connection names is not there.
     """
 
     def __init__(self, connection: Connection, clock: Clock) -> None:
-        self._claim = Claim(f"zenoh:{connection.endpoint}:{connection.host_token}")
+        self._claim = Claim(connection.robot)
         try:
             self._session = open_session(connection)
         except BaseException:

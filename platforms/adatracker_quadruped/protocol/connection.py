@@ -75,9 +75,9 @@ class Connection:
     min_battery: Annotated[float, Range(0, 1)] = 0.2
     """Charge needed to engage; 0 also accepts a robot that does not tell it."""
     battery_timeout_s: Annotated[float, Range(1, 600)] = 30.0
-    """A charge that was told longer ago is not told any more, and the robot is stopped."""
+    """Age after which a reported charge is dropped, and the robot is stopped."""
     connect_timeout_s: Annotated[float, Range(0.1, 30)] = 1.5
-    """How long to dial; a robot on the same network answers in milliseconds."""
+    """Time-out of the connection; a robot on the same network answers in milliseconds."""
     lease_s: Annotated[float, Range(0.1, 10)] = 1.0
     """A peer that is silent for this long is gone: how soon a frozen or cut-off robot is noticed."""
     odometry_timeout_s: Annotated[float, Range(0.05, 5)] = 0.3
@@ -88,6 +88,11 @@ class Connection:
     """Set by ``--sitl``: the robot must show this, or it is somebody else's and is sent nothing."""
     command_timeout_s: Annotated[float, Range(0.05, 5)] = 0.5
     """The robot's own: it stops when no command has come for this long."""
+
+    @property
+    def robot(self) -> str:
+        """Name the quadruped's connection: the same in every run on this machine that would reach it."""
+        return f"zenoh:{self.endpoint}:{self.host_token}"
 
     def __post_init__(self) -> None:
         self._check_endpoint()

@@ -31,7 +31,7 @@ from adatracker_quadruped.protocol.ros_types import (
 )
 
 Malformed = protocol.Malformed
-"""What every decoder raises, and nothing else, whatever the bytes."""
+"""The only exception that decoders raise, whatever the bytes."""
 
 FARTHEST_M = 1e8
 """From a frame's origin; UTM northings reach 1e7 m."""
@@ -141,7 +141,7 @@ def _turned(odometry: Odometry, rotation: Matrix) -> Odometry:
 
 
 def decode_odometry(payload: bytes) -> Odometry:
-    """Return the pose and the velocity in a nav_msgs/Odometry, in the axes in which it is told."""
+    """Return the pose and the velocity in a nav_msgs/Odometry, in the message's own axes."""
     message = protocol.decode(payload, protocol.ODOMETRY)
     pose = message.pose.pose
     x, y, z = read_vector(pose.position, FARTHEST_M)

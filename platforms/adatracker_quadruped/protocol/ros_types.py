@@ -6,11 +6,11 @@ before 1970 gets past them.
 
 from __future__ import annotations
 
-import math
 from dataclasses import astuple
 from typing import Any
 
 from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.geometry import Quaternion
 from adatracker_deploy.core.messages import Twist
 from adatracker_quadruped.protocol.cdr import STORE, TWIST, Malformed
 
@@ -18,8 +18,6 @@ Triple = tuple[float, float, float]
 
 FASTEST = 100.0
 """m/s and rad/s; nothing above this is a command or a measurement of a walking robot."""
-_UNIT_TOLERANCE = 10e-3
-"""Tolerance of a quaternion's squared length: tf2's (QUATERNION_NORMALIZATION_TOLERANCE)."""
 
 
 def write_header(stamp_ns: int, frame_id: str) -> Any:
@@ -46,7 +44,7 @@ def read_vector(message: Any, largest: float) -> Triple:
     """Return the x, y and z of a geometry_msgs/Vector3 or Point, each of this magnitude at most."""
     xyz = (message.x, message.y, message.z)
     if not all(abs(value) <= largest for value in xyz):  # false for NaN too
-        raise Malformed(f"{xyz} has a component that is no number up to {largest:g}")
+        raise Malformed(f"{xyz} has a component that is not a number up to {largest:g}")
     return xyz
 
 
@@ -76,25 +74,13 @@ def read_twist(message: Any) -> Twist:
 
 def write_attitude(roll_pitch_yaw: Triple) -> Any:
     """Return the geometry_msgs/Quaternion of Rz(yaw) Ry(pitch) Rx(roll), which is what `Pose` means."""
-    roll, pitch, yaw = roll_pitch_yaw
-    cr, sr = math.cos(roll / 2), math.sin(roll / 2)
-    cp, sp = math.cos(pitch / 2), math.sin(pitch / 2)
-    cy, sy = math.cos(yaw / 2), math.sin(yaw / 2)
-    return STORE.types["geometry_msgs/msg/Quaternion"](
-        x=sr * cp * cy - cr * sp * sy,
-        y=cr * sp * cy + sr * cp * sy,
-        z=cr * cp * sy - sr * sp * cy,
-        w=cr * cp * cy + sr * sp * sy,
-    )
+    w, x, y, z = Quaternion.of(*roll_pitch_yaw)
+    return STORE.types["geometry_msgs/msg/Quaternion"](x=x, y=y, z=z, w=w)
 
 
 def read_attitude(quaternion: Any) -> Triple:
     """Return roll, pitch and yaw of a geometry_msgs/Quaternion, rad, as `Pose` means them."""
-    x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
-    square = x * x + y * y + z * z + w * w
-    if not abs(square - 1.0) < _UNIT_TOLERANCE:  # false for NaN too
-        raise Malformed(f"quaternion ({x:g}, {y:g}, {z:g}, {w:g}) is not of unit length")
-    roll = math.atan2(2 * (w * x + y * z), w * w - x * x - y * y + z * z)
-    pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x) / square)))
-    yaw = math.atan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z)
-    return roll, pitch, yaw
+    try:
+        return Quaternion(quaternion.w, quaternion.x, quaternion.y, quaternion.z).roll_pitch_yaw()
+    except ValueError as error:
+        raise Malformed(str(error)) from error

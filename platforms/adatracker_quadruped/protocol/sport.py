@@ -93,6 +93,6 @@ def _twist(parameter: str) -> Twist:
     except Exception as error:  # not JSON, nested too deep, a number too long, another shape
         raise Malformed(f"Move without x, y and z: {error}") from error
     if not all(type(value) in (int, float) and abs(value) <= FASTEST for value in values):
-        raise Malformed(f"Move with {reprlib.repr(values)}, which is no velocity")
+        raise Malformed(f"Move with {reprlib.repr(values)}, which is not a velocity")
     vx, vy, yaw_rate = map(float, values)
     return Twist(vx=vx, vy=vy, yaw_rate=yaw_rate)

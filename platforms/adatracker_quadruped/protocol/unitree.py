@@ -162,7 +162,7 @@ def decode_low_state(payload: bytes) -> float:
     """Return the state of charge in a LowState, 0 to 1."""
     percent = int(protocol.decode(payload, LOW_STATE).bms_state.soc)
     if percent > 100:
-        raise Malformed(f"a charge of {percent} % is none")
+        raise Malformed(f"a charge of {percent} % is not between 0 and 100")
     return percent / 100
 
 

@@ -43,7 +43,7 @@ class Go2:
         if not interface and not os.environ.get("CYCLONEDDS_URI"):
             raise UsageError("--interface is missing: name the one of the robot's own network, such as eth0")
         if interface and not re.fullmatch(r"[A-Za-z0-9_.:-]{1,15}", interface):
-            raise UsageError(f"--interface {interface}: is no network interface, such as eth0")
+            raise UsageError(f"--interface {interface}: is not a network interface, such as eth0")
         try:
             self._domain = Domain(domain, _ON_INTERFACE.format(interface)) if interface else None
             self._participant = DomainParticipant(domain)

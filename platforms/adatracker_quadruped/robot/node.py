@@ -71,7 +71,7 @@ class Node:
         self._battery = self._publisher(keys.battery)
 
     def serve(self, ended: threading.Event) -> None:
-        """Run until told to end; a robot that walks is stopped first."""
+        """Run until asked to end; a robot that walks is stopped first."""
         pacer, looked_s, deaf_until_s = Pacer(MonotonicClock(), RATE_HZ), time.monotonic(), 0.0
         try:
             while not ended.is_set():

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from adatracker_deploy.core.messages import Twist
 
 STOPS = 3
-"""How often StopMove is said; one request can be lost."""
+"""Number of StopMove requests; one can be lost."""
 
 Wish = Literal["stop"]
 

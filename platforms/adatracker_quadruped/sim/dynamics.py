@@ -57,7 +57,7 @@ class QuadrupedBody(GroundBody):
 
     @property
     def camera_pose(self) -> Pose:
-        """Where the mount puts the camera, moved by the gait."""
+        """Pose of the camera in its mount, moved by the gait."""
         return self.settings.camera.pose(self.trunk)
 
     @property

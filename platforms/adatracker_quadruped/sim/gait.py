@@ -27,7 +27,7 @@ _PAIRS = ((0, 3), (1, 2))
 
 @dataclass(frozen=True, slots=True)
 class Footfall:
-    """Where the feet stood before and stand after the step that is being taken: heights, m, shape (4,)."""
+    """The feet before and after the step that is being taken: heights, m, shape (4,)."""
 
     before: np.ndarray[tuple[int], np.dtype[np.float64]]
     after: np.ndarray[tuple[int], np.dtype[np.float64]]

@@ -47,10 +47,10 @@ LINGER_S = 5.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Robot:
-    """What is simulated."""
+    """The simulated robot's settings."""
 
     connection: Connection
-    """Where it listens and what it speaks; with a camera topic."""
+    """Its endpoint and dialect; with a camera topic."""
     sitl: SitlSettings
     camera_hz: Annotated[float, Range(1, 240)]
 
@@ -66,7 +66,7 @@ class Simulator:
 
     Raises:
         PlatformError: it cannot listen at its endpoint.
-        UsageError: there is no such scene.
+        UsageError: no such scene.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class Simulator:
         self._wire: _Wire | None = _Wire(robot)
         """None while it is cut."""
         self._using = threading.Lock()
-        """Held by whoever publishes or cuts: Zenoh's sessions must not be closed meanwhile."""
+        """Held while publishing or cutting the link: Zenoh's sessions must not be closed meanwhile."""
         self._intake = Intake(connection)
         self._command, self._obeyed_s = ZERO, -math.inf
         self._fault = Fault.NONE

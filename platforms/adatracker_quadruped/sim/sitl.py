@@ -21,24 +21,20 @@ import secrets
 import sys
 from typing import TYPE_CHECKING
 
+from adatracker_deploy.config.camera_topic import with_camera, with_robots_camera
 from adatracker_deploy.config.schema import parse
-from adatracker_deploy.core.camera import ROBOT
 from adatracker_deploy.core.errors import PlatformError, UsageError
-from adatracker_deploy.platform import Sitl
 from adatracker_deploy.registry import load_platform, load_profile
 from adatracker_deploy.sim.process import (
     FaultCommands,
-    SimulatorProcess,
+    ProcessSitl,
     add_arguments,
-    add_scenario_arguments,
     announce_ready,
     given_scenario,
     parent_watchdog,
     refuse,
-    scenario_arguments,
     simulator_clock,
 )
-from adatracker_quadruped.protocol.camera_topic import with_camera
 from adatracker_quadruped.protocol.rehearsal_keys import ON_DEMAND
 
 if TYPE_CHECKING:
@@ -49,26 +45,18 @@ if TYPE_CHECKING:
 
 _ANYWHERE = "tcp/127.0.0.1:0"
 _LISTEN = re.compile(r"tcp/127\.0\.0\.1:([0-9]{1,5})")
-_DEFAULT_TOPIC = "camera/image_raw/compressed"
 _FAILED = 1
 _PORTS = range(20_000, 32_768)
-"""Below those that Linux gives to whoever dials."""
+"""Below Linux's ephemeral ports."""
 _TRIES = 20
 
 
-class QuadrupedSitl(Sitl):
+class QuadrupedSitl(ProcessSitl):
     """Starts the simulator at a free port of this machine, whatever robot the profile's endpoint names."""
 
+    module = "adatracker_quadruped.sim.sitl"
+    robot = "simulated quadruped"
     faults = ON_DEMAND
-
-    def __init__(self, profile: Profile) -> None:
-        self._profile = profile
-        self._process = SimulatorProcess("adatracker_quadruped.sim.sitl", "simulated quadruped")
-
-    @property
-    def pid(self) -> int | None:
-        """The simulator's process; None while there is none."""
-        return self._process.pid
 
     def start(self, clock: Clock, scenario: Scenario) -> Profile:
         """Start the simulator and wait until it is up.
@@ -78,7 +66,7 @@ class QuadrupedSitl(Sitl):
             PlatformError: the process did not come up.
         """
         _require_mujoco()
-        profile = _with_robots_camera(self._profile)
+        profile = with_robots_camera(self._profile)
         token = secrets.token_hex(16)
         connection = dataclasses.replace(with_camera(profile), tls=None, rehearsal_token=token)
         robot = {
@@ -86,33 +74,14 @@ class QuadrupedSitl(Sitl):
             "sitl": dataclasses.asdict(profile.sitl),
             "camera_hz": profile.camera.rate_hz,
         }
-        ready = self._process.start(
-            clock,
-            ["--listen", _ANYWHERE, "--robot", json.dumps(robot), *scenario_arguments(scenario)],
-        )
+        ready = self._process.start(clock, scenario, ["--listen", _ANYWHERE, "--robot", json.dumps(robot)])
         return dataclasses.replace(
             profile, connection=dataclasses.replace(connection, endpoint=ready["endpoint"])
         )
 
-    def close(self) -> None:
-        """Tell the process to end and wait: it ends once the robot stands."""
-        self._process.close()
-
-    def order(self, line: str) -> None:
-        """Send a command to the simulator."""
-        self._process.order(line)
-
-
-def _with_robots_camera(profile: Profile) -> Profile:
-    """Return the profile with the camera on the robot's own wire, whichever the profile names."""
-    if profile.camera.uri.startswith(ROBOT):
-        return profile
-    topic = profile.connection.camera_topic or _DEFAULT_TOPIC
-    return dataclasses.replace(profile, camera=dataclasses.replace(profile.camera, uri=f"{ROBOT}{topic}"))
-
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the simulator until it is told to end; return the exit status."""
+    """Run the simulator until its parent ends it; return the exit status."""
     args = _arguments().parse_args(argv)
     try:
         orders, robot = FaultCommands(), _robot(args)
@@ -135,7 +104,7 @@ def _robot(args: argparse.Namespace) -> Robot:
 
     if args.robot:
         return parse(Robot, json.loads(args.robot), where="--robot")
-    profile = _with_robots_camera(load_profile(args.profile, load_platform("quadruped")))
+    profile = with_robots_camera(load_profile(args.profile, load_platform("quadruped")))
     connection = dataclasses.replace(with_camera(profile), tls=None)
     return Robot(connection=connection, sitl=profile.sitl, camera_hz=profile.camera.rate_hz)
 
@@ -179,7 +148,6 @@ def _arguments() -> argparse.ArgumentParser:
         "--listen", type=_loopback, default="tcp/127.0.0.1:7447", help="port 0 is any free one"
     )
     parser.add_argument("--robot", default="", help="instead of a profile: a simulator.Robot as JSON")
-    add_scenario_arguments(parser)
     add_arguments(parser)
     return parser
 

@@ -57,6 +57,11 @@ class WheeledAdapter(Platform):
     default_profile = "scout"
     traffic_formats = FORMATS
 
+    @classmethod
+    def identity(cls, profile: Profile) -> str:
+        """Name the base's bus: the same for every profile that reaches it from this machine."""
+        return str(profile.connection.robot)
+
     def __init__(self, profile: Profile, clock: Clock) -> None:
         super().__init__(profile, clock)
         self._connection: Connection = profile.connection

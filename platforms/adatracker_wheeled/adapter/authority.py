@@ -10,13 +10,11 @@ import threading
 from typing import TYPE_CHECKING
 
 from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.messages import LONGEST_REASON
 
 if TYPE_CHECKING:
     from adatracker_wheeled.adapter.receiver import StopCause
     from adatracker_wheeled.adapter.transport import Wire
-
-_LONGEST_REASON = 95
-"""The limit of `PlatformState.stopped`."""
 
 
 class ControlAuthority:
@@ -32,7 +30,7 @@ class ControlAuthority:
         self.in_charge = False
         """This side, and nobody else since, enabled the base, so it has to disable it."""
         self.stopped = ""
-        """Why consent was revoked; empty if nothing unusual has happened."""
+        """Reason for revoking consent; empty if nothing unusual has happened."""
         self.taken_over = False
         """Consent was revoked by somebody at the robot."""
         self.withdrawals = 0
@@ -84,7 +82,7 @@ class ControlAuthority:
         """Stop: zero three times to a base in this side's charge, then silence. The first reason stays."""
         with self.lock:
             self.withdrawals += 1
-            self.stopped = self.stopped or reason[:_LONGEST_REASON]  # first, for who reads without the lock
+            self.stopped = self.stopped or reason[:LONGEST_REASON]  # first, for who reads without the lock
             self._consent = self.engaged = False
             if self.wire is not None and self.in_charge:
                 self.wire.stop()

@@ -60,7 +60,7 @@ def enable(wire: Wire, authority: ControlAuthority, connection: Connection, cloc
 
     if not wire.wait(obeys, connection.engage_timeout_s, still):
         found = wire.trouble(clock.now_ns())
-        why = found.reason if found else "it said nothing new"
+        why = found.reason if found else "it sent no new state"
         raise PlatformError(f"the base did not obey within {connection.engage_timeout_s:g} s: {why}")
     authority.engage()
 

@@ -24,7 +24,7 @@ class DeadReckoning:
     track_m: float | None = None
     """Between the wheels; needed for `rolled`."""
     wrap_m: float | None = None
-    """After how many metres the wheels' counters start over."""
+    """Distance, m, after which the wheels' counters start over."""
     fastest_m_s: float = 10.0
     """A wheel that rolled faster than this did not: the base was switched off and on, and counts anew."""
     longest_step_s: float = LONGEST_STEP_S

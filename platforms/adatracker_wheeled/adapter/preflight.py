@@ -37,7 +37,7 @@ def status_checks(heard: BaseTelemetry, timing: Timing, now_ns: int, speed: floa
         Check(
             "faults",
             not status.fault,
-            f"the base reports: {status.fault}; mend it and clear its errors" if status.fault else "none",
+            f"the base reports: {status.fault}; fix it and clear its errors" if status.fault else "none",
         ),
         Check(
             "warnings",
@@ -94,7 +94,7 @@ def timeout_check(timing: Timing) -> Check:
         "command time-out",
         True,
         f"the profile says that the base stops {timing.base_timeout_s:g} s after the last command; "
-        "CAN cannot tell, so prove it once with the wheels off the ground",
+        "CAN does not report it, so test it once with the wheels off the ground",
     )
 
 
@@ -110,13 +110,9 @@ def frames_check(malformed: int) -> Check:
 
 def queue_check(channel: str, length: int) -> Check:
     """Warn of a kernel that would keep old commands for a stalled bus."""
-    return Check(
-        "transmit queue",
-        length <= LONGEST_QUEUE,
-        f"{length} frames"
-        + ("" if length <= LONGEST_QUEUE else f": sudo ip link set {channel} txqueuelen {LONGEST_QUEUE}"),
-        blocking=False,
-    )
+    fix = "" if length <= LONGEST_QUEUE else f"sudo ip link set {channel} txqueuelen {LONGEST_QUEUE}"
+    told = f"{length} frames{': ' if fix else ''}{fix}"
+    return Check("transmit queue", not fix, told, blocking=False, fix=fix)
 
 
 def _volts(volts: float | None) -> str:

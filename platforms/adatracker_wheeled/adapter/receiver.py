@@ -114,7 +114,7 @@ class Receiver:
             return f"{self.malformed} of its frames were malformed: check roles.dbc and roles.checksum"
         if self.strangers:
             ids = ", ".join(f"{number:#x}" for number in sorted(self.strangers)[:6])
-            return f"only frames that no role names came ({ids}): check roles against the base's manual"
+            return f"only frames without a role came ({ids}): check roles against the base's manual"
         return "no frame came at all: switch the base on, check cable, termination and bit rate"
 
 
@@ -124,7 +124,7 @@ def _repeated(before: BaseStatus | None, now: BaseStatus) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class StopCause:
-    """Why the base must not be driven on."""
+    """A reason for which the base must not be driven on."""
 
     reason: str
     taken: bool = False
@@ -168,7 +168,7 @@ def trouble(heard: BaseTelemetry, timing: Timing, now_ns: int, speed: float) -> 
     if found := unfit(status):
         return found
     if status.mode != "ours":
-        why = f"the base went to {status.mode_name} by its own or by somebody else's will"
+        why = f"the base went to {status.mode_name} by itself or by somebody else's command"
         return StopCause(why, taken=True, by_hand=True)
     motion_age_s = (now_ns - heard.motion_t_ns) / 1e9 / speed
     if motion_age_s > timing.feedback_timeout_s:

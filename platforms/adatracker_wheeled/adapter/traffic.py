@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 FILE_NAME = "can.log"
 """Name in the trial's folder."""
 FORMATS = (".asc", ".blf")
-"""What `export_traffic` writes, by file name suffix: Vector's text and binary logs."""
+"""Formats of `export_traffic`, by file name suffix: Vector's text and binary logs."""
 _BACKLOG = 100_000
 """Frames that wait at most: those before the trial's folder is known, and while a disk stalls. A full bus of
 1 Mbit/s brings about 8,000 a second."""
@@ -139,4 +139,4 @@ def export_traffic(folder: Path, out: Path, ahead_ns: int) -> None:
     except OSError as error:
         raise UsageError(f"{error.filename or out}: {error.strerror}") from error
     except (ValueError, IndexError) as error:
-        raise UsageError(f"{source}: is no log of candump: {error}") from error
+        raise UsageError(f"{source}: is not a candump log: {error}") from error

@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 _SLACK = 0.25
 """Share of a period by which the next command may be late; a repeat just before it would delay it."""
 ZEROS = 3
-"""How often zero is said at a stop; one frame can be lost."""
+"""Number of zero commands at a stop; one frame can be lost."""
 
 
 @dataclass(slots=True, kw_only=True)
 class Stream:
-    """What goes out next; pure. Silent at first."""
+    """The next command to send; pure. Silent at first."""
 
     lifetime_ns: int
     """A command is repeated for so long."""
@@ -100,7 +100,7 @@ class Transmitter:
 
     @property
     def lapses(self) -> int:
-        """How often commands stopped coming without a stop."""
+        """Number of times that commands ended without a stop."""
         return self._stream.lapses
 
     def send(self, twist: Twist, now_ns: int) -> None:
@@ -154,7 +154,7 @@ class Transmitter:
     def _put(self, twist: Twist) -> None:
         try:
             self._transmit(twist)
-        except PlatformError:  # whoever owns the wire has noted why
+        except PlatformError:  # the wire's owner has noted why
             self._stream.mute()
             return
         self.frames += 1

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 _TICK_NS = 20_000_000
 _RIVAL_S = 0.5
-"""Whoever commands the base is heard at least so often: the longest time-out of AgileX's bases."""
+"""Longest interval between a commander's frames: the longest time-out of AgileX's bases."""
 _LAST_WORDS_S = 0.2
 """Three zeros 20 ms apart, with room."""
 
@@ -77,12 +77,12 @@ class Wire:
 
     @property
     def heard(self) -> BaseTelemetry:
-        """What the base said last."""
+        """The base's newest telemetry."""
         return self.receiver.heard
 
     @property
     def lost(self) -> str:
-        """Why the bus is lost; empty while it works."""
+        """Reason for the loss of the bus; empty while it works."""
         return self._bus.lost
 
     @property
@@ -120,7 +120,7 @@ class Wire:
 
     @property
     def _rival_ns(self) -> int:
-        """Whoever was not heard for longer commands the base no more: it has stopped by itself."""
+        """After this silence a commander no longer counts: the base has stopped by itself."""
         seconds = max(_RIVAL_S, self._timing.base_timeout_s)
         return round(seconds * self._clock.speed * 1e9)
 

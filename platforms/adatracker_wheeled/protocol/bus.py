@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 STUCK_S = 0.1
 """A bus that takes no frame for so long is lost."""
 _LOOK_S = 0.05
-"""How often a silent bus is looked at."""
+"""Polling interval of a silent bus."""
 _SEND_TIMEOUT_S = 0.1
 _BUS_OFF = 0x40
 """CAN_ERR_BUSOFF in the id of an error frame (linux/can/error.h)."""
@@ -54,11 +54,11 @@ class Bus:
         tap: Callable[[Any], None] = lambda _: None,
     ) -> None:
         self.lost = ""
-        """Why the bus is lost; empty while it works."""
+        """Reason for the loss of the bus; empty while it works."""
         self.dropped = 0
         """Frames that a full transmit queue did not take; they are not sent later."""
         self.strange = 0
-        """Received frames that are none of classic CAN's data frames: remote, FD, error, oversized."""
+        """Received frames that are not data frames of classic CAN: remote, FD, error, oversized."""
         self._driver = driver
         self._name = name
         self._hear = hear

@@ -26,7 +26,7 @@ ANSWER_TIMEOUT_S = 1.5
 _SET_ELSEWHERE = ("socketcan", "socketcand", "udp_multicast", "virtual")
 """Interfaces whose bit rate this side has no say in."""
 _PACKAGES = {"canalystii": "canalystii", "cantact": "cantact", "gs_usb": "gs-usb", "slcan": "pyserial"}
-"""Where drivers that are mere Python packages come from."""
+"""Packages that provide the drivers in pure Python."""
 
 
 def open_driver(connection: Connection) -> Any:
@@ -57,7 +57,7 @@ def open_driver(connection: Connection) -> Any:
             ) from error
         raise PlatformError(
             f"CAN bus {connection.channel} ({interface}) cannot be opened: {line_of(error)}; plug the "
-            "adapter in, bring the bus up (ip link set can0 up type can bitrate 500000), or mend "
+            "adapter in, bring the bus up (ip link set can0 up type can bitrate 500000), or correct "
             "connection.channel"
         ) from error
     except (TypeError, ValueError) as error:
@@ -148,8 +148,8 @@ def _shake_hands(connection: Connection) -> None:
                             "has started: nothing was sent to it; rehearse again"
                         )
                     said = repr(answer)[1:40]
-                    raise PlatformError(f"{what}: it says {said}, where {expect.decode()!r} was expected")
+                    raise PlatformError(f"{what}: it answers {said}, where {expect.decode()!r} was expected")
     except OSError as error:
         raise PlatformError(
-            f"{what} ({line_of(error)}): start it there, or mend connection.host, port and channel"
+            f"{what} ({line_of(error)}): start it there, or correct connection.host, port and channel"
         ) from error

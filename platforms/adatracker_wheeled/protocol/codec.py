@@ -60,7 +60,7 @@ class Codec:
             for part, link in self._command_links():
                 if link.signal.exact(0.0) is None:
                     raise UsageError(
-                        f"{part.layout.dbc}: {part.layout.name}.{link.signal.name} cannot say zero"
+                        f"{part.layout.dbc}: {part.layout.name}.{link.signal.name} cannot carry zero"
                     )
 
     def _parts(self, role: str, described: tuple[Linked, ...] | tuple[Fixed, ...]) -> tuple[Part, ...]:
@@ -122,7 +122,7 @@ class Codec:
                 (low, high), value = link.span, values[link.quantity]
                 if not low - 1e-9 <= value <= high + 1e-9:
                     raise UsageError(
-                        f"roles: command: {part.layout.dbc}: {part.layout.name}.{link.signal.name} says "
+                        f"roles: command: {part.layout.dbc}: {part.layout.name}.{link.signal.name} carries "
                         f"{link.quantity} from {low:.4g} to {high:.4g}, but the profile's limits reach "
                         f"{value:.4g}: lower them"
                     )
@@ -138,7 +138,7 @@ class Codec:
 
     @property
     def wheel_wrap_m(self) -> float | None:
-        """After how many metres the wheels' counters start over; None when they do not, or there are none."""
+        """Distance, m, after which the wheels' counters start over; None if they do not, or for none."""
         wraps = [link.wrap for part in self._odometry for link in part.links if link.wrap is not None]
         return min(wraps, default=None)
 

@@ -52,9 +52,9 @@ class Connection:
     """Port of a socketcand; 29536 is its usual one."""
     roles: Roles
     silence_timeout_s: Annotated[float, Range(0.1, 10)] = 1.0
-    """How long to wait for the base's first state when connecting."""
+    """Time-out for the base's first state when connecting."""
     engage_timeout_s: Annotated[float, Range(0.1, 10)] = 1.0
-    """How long the base may take to say that it obeys this side."""
+    """Time-out for the base to confirm that it obeys this side."""
     min_battery: Annotated[float, Range(0, 1)] = 0.2
     """Charge needed to engage; 0 also accepts a base that does not tell it."""
     rehearsal_token: str = ""
@@ -76,7 +76,7 @@ class Connection:
     def __post_init__(self) -> None:
         if set_here := sorted(_SET_HERE & self.options.keys()):
             raise UsageError(
-                f"connection: options: {set_here[0]} is not to be set there; channel, bitrate, host and port "
+                f"connection: options: {set_here[0]} cannot be set there; channel, bitrate, host and port "
                 "stand beside options, and the others are the toolkit's"
             )
         if self.interface == "udp_multicast" and self.options.get("hop_limit") != 0:

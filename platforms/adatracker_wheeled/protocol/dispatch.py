@@ -18,7 +18,7 @@ Reader = Callable[[dict[str, Raw]], Told]
 
 
 class Gather(Generic[T]):
-    """Waits until each of several messages has come, so that no half is told with an old other half."""
+    """Waits until each of several messages has come, so that new and old parts are never mixed."""
 
     def __init__(self, size: int) -> None:
         self._missing = self._all = frozenset(range(size))

@@ -11,7 +11,7 @@ from typing import Literal
 from adatracker_deploy.core.messages import Twist
 
 Mode = Literal["standby", "ours", "remote", "unknown"]
-"""Who drives the base: nobody, this toolkit, somebody with a transmitter, or none of the values known."""
+"""The controller of the base: nobody, this toolkit, somebody with a remote control, or an unknown value."""
 
 
 class Malformed(ValueError):  # noqa: N818 - it reads as the adjective that it is
@@ -40,7 +40,7 @@ class CanFrame:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BaseStatus:
-    """What a base says of its own condition."""
+    """A base's report of its own condition."""
 
     mode: Mode
     mode_name: str = ""
@@ -58,7 +58,7 @@ class BaseStatus:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reading:
-    """What one received frame told; None for what it did not tell."""
+    """The content of one received frame; None for what it does not carry."""
 
     status: BaseStatus | None = None
     motion: Twist | None = None
@@ -73,7 +73,7 @@ class Reading:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Demand:
-    """What one frame asks of a base, as the base reads it; one frame can ask for several things."""
+    """The command of one frame, as the base reads it; one frame can ask for several things."""
 
     twist: Twist | None = None
     enable: bool = False

@@ -21,7 +21,7 @@ WHEEL_ANGLES = {
     for unit, radians in _ANGLE_RAD.items()
     for per in ("", "_s")
 }
-"""From a wheel quantity told as an angle to the same at the wheel's rim, and the unit's radians."""
+"""From a wheel quantity given as an angle to the same at the wheel's rim, and the unit's radians."""
 _KNOWN = {
     "command": ("vx_m_s", "vy_m_s", "yaw_rate_rad_s", "steering_rad", "left_m_s", "right_m_s"),
     "feedback": ("vx_m_s", "vy_m_s", "yaw_rate_rad_s", "steering_rad", "left_m_s", "right_m_s"),
@@ -76,7 +76,7 @@ class Fixed:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class State:
-    """How the base tells its condition."""
+    """The messages in which the base reports its condition."""
 
     messages: tuple[str, ...]
     """One, or one an axis with the same signals: the base is what the worst of them says."""
@@ -95,7 +95,7 @@ class State:
     faults: dict[str, Bits] = field(default_factory=dict)
     """Names of its bits, 0 the least significant; several where the manuals of one base disagree."""
     warnings: tuple[Bit, ...] | dict[str, Bits] = ()
-    """Bits that stop nothing; by their names they are told to the operator."""
+    """Bits that stop nothing; the operator sees their names."""
     volts: str | None = None
     count: str | None = None
 
@@ -182,7 +182,7 @@ class Roles:
     dbc: str
     """A shipped file's name, or a path; a relative path is relative to the working directory."""
     checksum: Literal["none", "agilex_v1"] = "none"
-    """How frames are protected: ``agilex_v1`` sums them up into their last byte."""
+    """The frames' checksum: ``agilex_v1`` sums them up into their last byte."""
     wheels: Wheels | None = None
     steering: Steering | None = None
     command: tuple[Linked, ...]
@@ -227,7 +227,7 @@ class Roles:
 
     @property
     def drive(self) -> Literal["twist", "differential", "ackermann"]:
-        """What the base takes: a velocity, a speed for each side, or a speed and a steering angle."""
+        """Kind of the base's command: a velocity, a speed for each side, or a speed and a steering angle."""
         names = {at_rim(quantity) for part in self.command for quantity in part.signals}
         if "left_m_s" in names:
             return "differential"

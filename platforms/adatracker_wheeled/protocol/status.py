@@ -85,7 +85,7 @@ class StatusCodec:
         if self._condition:
             raws[self._condition.name] = self._raw_condition(self._condition, status)
         elif status.emergency_stop or (status.fault and not bits):
-            raise UsageError("names no signal that can tell of that fault or emergency stop")
+            raise UsageError("names no signal that carries that fault or emergency stop")
         if self._volts and status.volts is not None:
             raws[self._volts.name] = self._volts.to_raw(status.volts)
         if self._count:

@@ -52,12 +52,12 @@ class WheeledBody(GroundBody):
 
     @property
     def camera_pose(self) -> Pose:
-        """Where the mount puts the camera."""
+        """Pose of the camera in its mount."""
         return self.settings.camera.pose(self._pose)
 
     @property
     def velocity(self) -> Twist:
-        """How the base really moves."""
+        """The base's true velocity."""
         return self._velocity
 
     def _clip(self, command: Twist) -> Twist:

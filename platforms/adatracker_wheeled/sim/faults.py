@@ -45,16 +45,16 @@ FAULT_NAMES: dict[str, FaultName] = {
     "frozen_feedback": "frozen_feedback",
     "frozen_state": "frozen_state",
 }
-"""What the base itself suffers when a rehearsal asks for it."""
+"""The base's own fault for each fault of a rehearsal."""
 FOREIGN_COMMANDS = Fault("foreign_commands", "another host on the bus sends it commands", 2.0)
 ON_DEMAND = (
     *(CAMERA_FREEZE, CAMERA_GONE, LINK_DROP, ROBOT_SILENT, BATTERY_LOW, TAKEOVER),
     Fault("remote_control", "somebody drives with the remote control", 2.0),
     Fault("emergency_stop", "the emergency stop is pressed, and let go", 2.0),
     Fault("base_fault", "the base reports an error", 2.0),
-    Fault("frozen_feedback", "the measured motion is not told any more", 2.0),
+    Fault("frozen_feedback", "the measured motion is no longer sent", 2.0),
     FOREIGN_COMMANDS,
-    Fault("frozen_state", "the same state is told again and again", 2.0),
+    Fault("frozen_state", "the same state is sent again and again", 2.0),
 )
 """All that a rehearsal may ask for; the camera and the bus are `sitl`'s."""
 

@@ -27,7 +27,7 @@ _LOW = 0.05
 
 
 class _Stream:
-    """One kind of message, told again and again."""
+    """One kind of message, sent periodically."""
 
     def __init__(self, encode: Callable[[Reading, int], tuple[CanFrame, ...]], period_s: float) -> None:
         self._encode = encode
@@ -56,7 +56,7 @@ class Base:
         roles: its messages, the same that the adapter reads.
         settings: of the simulated base.
         speed: of the clock that its times are of, against the machine's; its command time-out is in machine
-            time, since whoever commands it is as slow as the machine.
+            time, since its commander is as slow as the machine.
 
     Raises:
         UsageError: the roles do not fit the DBC.
@@ -64,7 +64,7 @@ class Base:
 
     def __init__(self, roles: Roles, settings: SitlSettings, speed: float = 1.0) -> None:
         self.faults: set[FaultName] = set(settings.faults)
-        """What is wrong now."""
+        """Faults that are on now."""
         self.malformed = 0
         """Received frames that were dropped."""
         self.mode: Mode = "standby"

@@ -36,4 +36,4 @@ class SitlSettings:
     battery: Annotated[float, Range(0, 1)] = 0.9
     """State of charge at power-on."""
     faults: tuple[FaultName, ...] = ()
-    """What is wrong from the start."""
+    """Faults that are on from the start."""

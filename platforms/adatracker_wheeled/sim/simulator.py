@@ -118,7 +118,7 @@ class Simulator:
         return theirs + self.base.transmit(self.body.measured, self.body.wheels_m, now_s)
 
     def _suffer(self) -> None:
-        """Let the base suffer what was ordered of it since."""
+        """Apply the faults that were commanded since."""
         ordered = self._orders.faults
         for name in ordered ^ self._suffered:
             if name in FAULT_NAMES:

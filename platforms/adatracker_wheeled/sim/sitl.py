@@ -23,18 +23,15 @@ from typing import TYPE_CHECKING
 from adatracker_deploy.config.schema import parse
 from adatracker_deploy.core.errors import PlatformError, UsageError
 from adatracker_deploy.core.faults import LINK_DROP
-from adatracker_deploy.platform import Sitl
 from adatracker_deploy.registry import load_platform, load_profile
 from adatracker_deploy.sim.process import (
     FaultCommands,
-    SimulatorProcess,
+    ProcessSitl,
     add_arguments,
-    add_scenario_arguments,
     announce_ready,
     given_scenario,
     parent_watchdog,
     refuse,
-    scenario_arguments,
     simulator_clock,
 )
 from adatracker_wheeled.protocol.connection import Connection
@@ -56,19 +53,13 @@ CHANNEL = "can0"
 """The bus's name behind the simulated socketcand; it takes any."""
 
 
-class WheeledSitl(Sitl):
+class WheeledSitl(ProcessSitl):
     """Starts the simulator on free ports."""
 
+    module = "adatracker_wheeled.sim.sitl"
+    robot = "simulated base"
+    stop_timeout_s = STOP_TIMEOUT_S
     faults = ON_DEMAND
-
-    def __init__(self, profile: Profile) -> None:
-        self._profile = profile
-        self._process = SimulatorProcess("adatracker_wheeled.sim.sitl", "simulated base", STOP_TIMEOUT_S)
-
-    @property
-    def pid(self) -> int | None:
-        """The simulator's process id; None while there is none."""
-        return self._process.pid
 
     def start(self, clock: Clock, scenario: Scenario) -> Profile:
         """Start the simulator and wait until it is up; its camera shows its own world.
@@ -82,12 +73,12 @@ class WheeledSitl(Sitl):
         token = secrets.token_hex(16)
         ready = self._process.start(
             clock,
+            scenario,
             [
                 *("--rehearsal-token", token),
                 *("--connection", json.dumps(dataclasses.asdict(profile.connection))),
                 *("--settings", json.dumps(dataclasses.asdict(profile.sitl))),
                 *("--camera-rate-hz", str(profile.camera.rate_hz)),
-                *scenario_arguments(scenario),
             ],
         )
         connection = dataclasses.replace(
@@ -101,17 +92,9 @@ class WheeledSitl(Sitl):
         camera = dataclasses.replace(profile.camera, uri=ready["camera"])
         return dataclasses.replace(profile, connection=connection, camera=camera)
 
-    def close(self) -> None:
-        """Tell the process to end and wait until the base stands, by its link's stop or its own time-out."""
-        self._process.close()
-
-    def order(self, line: str) -> None:
-        """Send a command to the simulator."""
-        self._process.order(line)
-
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the simulator until it is told to end; return the exit status."""
+    """Run the simulator until its parent ends it; return the exit status."""
     args = _arguments().parse_args(argv)
     try:
         _require_libraries()
@@ -203,10 +186,9 @@ def _arguments() -> argparse.ArgumentParser:
     parser.add_argument("--channel", default="vcan0", help="of that bus")
     parser.add_argument("--camera-port", type=int, default=0, help="of its camera's stream")
     parser.add_argument("--camera-rate-hz", type=float, default=None, help="default: the profile's")
-    parser.add_argument("--rehearsal-token", default="", help="said to whoever asks with < rehearsal >")
+    parser.add_argument("--rehearsal-token", default="", help="the answer to < rehearsal >")
     parser.add_argument("--connection", help="the profile's connection: section, as JSON")
     parser.add_argument("--settings", help="the profile's sitl: section, as JSON")
-    add_scenario_arguments(parser)
     add_arguments(parser)
     return parser
 

@@ -28,7 +28,7 @@ Request = CanFrame | Literal["open", "rawmode", "echo", "rehearsal"]
 
 
 class Parser:
-    """What a client says, from its bytes; rubbish is dropped and counted."""
+    """Parses a client's requests; malformed ones are dropped and counted."""
 
     def __init__(self) -> None:
         self.dropped = 0
@@ -69,7 +69,7 @@ def _frame(words: list[str]) -> CanFrame:
     """Read ``ID LENGTH BYTE...``, in hexadecimal; 8 digits mean a 29-bit id.
 
     Raises:
-        ValueError: that is no frame.
+        ValueError: that is not a frame.
     """
     digits, length, *rest = words
     data = bytes(_hexadecimal(byte, 2) for byte in rest)
@@ -112,7 +112,7 @@ class SocketcandServer:
     Args:
         port: TCP port; 0 takes any free one.
         hear: called in the server's thread with each frame that a client sends.
-        token: said to whoever asks with ``< rehearsal >``, so that a rehearsal knows its own simulator.
+        token: the answer to ``< rehearsal >``, so that a rehearsal knows its own simulator.
 
     Raises:
         OSError: the port is in use.

@@ -139,7 +139,7 @@ def test_grounding_dino_has_no_words_of_its_own(tmp_path, sidecar, refusal):
     (tmp_path / "vocab.txt").write_text("\n".join(VOCABULARY))
     graphs.grounding_dino(tmp_path / "model.onnx", 6)
     sidecar(kind="grounding_dino", vocabulary="vocab.txt")
-    assert "finds what it is told to" in refusal(tmp_path / "model.onnx")
+    assert "needs a prompt" in refusal(tmp_path / "model.onnx")
     assert "the word 'zebra' cannot be written" in refusal(tmp_path / "model.onnx", ["zebra"])
     sidecar(kind="grounding_dino")
     assert "under `vocabulary`" in refusal(tmp_path / "model.onnx", ["person"])

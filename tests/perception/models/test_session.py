@@ -47,7 +47,7 @@ def test_weights_beside_the_file_are_refused_unless_they_are_allowed_and_are_rea
     path = yolo(lambda model: kept.update(data=outside(model, "weights.bin")))
     assert "keeps 'noise' as external data; export it as one file" in refusal(path)
     sidecar(kind="yolo", external_data=True)
-    assert "keeps weights in 'weights.bin', which is no plain file beside it" in refusal(path)
+    assert "keeps weights in 'weights.bin', which is not a plain file beside it" in refusal(path)
     (tmp_path / "weights.bin").write_bytes(kept["data"])
     model = open_model(path)
     assert model(picture((24, 12, 48, 36))).words == ("person",)
@@ -120,7 +120,9 @@ def test_a_shape_that_is_not_the_declared_one(tmp_path):
 
 def test_a_provider_that_nobody_knows_and_one_that_is_not_here(yolo, refusal):
     path = yolo()
-    assert "provider 'gpu' is unknown; known are cpu, cuda, tensorrt" in refusal(path, providers=["gpu"])
+    assert "provider 'gpu' is unknown; known are cpu, cuda, tensorrt, coreml" in refusal(
+        path, providers=["gpu"]
+    )
     if "CUDAExecutionProvider" not in onnxruntime.get_available_providers():
         sentence = refusal(path, providers=["cuda", "cpu"])
         assert "provider 'cuda' is not in this onnxruntime, which has cpu" in sentence
@@ -131,7 +133,7 @@ class Fallen(onnxruntime.InferenceSession):
 
     asked: list
 
-    def __init__(self, model, options, providers):
+    def __init__(self, model, options, providers, provider_options, enable_fallback):
         Fallen.asked = providers
         super().__init__(model, options, providers=["CPUExecutionProvider"])
 
@@ -145,8 +147,8 @@ def test_a_fall_back_to_the_processor_is_told_or_refused(yolo, monkeypatch):
     network = Network(file, ["cuda", "cpu"])
     assert Fallen.asked == have
     assert network.provider == "cpu"
-    assert str(network).endswith("on cpu (cuda was asked for and is not to be had)")
-    with pytest.raises(UsageError, match="cuda is not to be had here, only cpu: mend the driver"):
+    assert str(network).endswith("on cpu (cuda was asked for and is unavailable)")
+    with pytest.raises(UsageError, match="cuda is not available here, only cpu: repair the driver"):
         Network(file, ["cuda"])
 
 

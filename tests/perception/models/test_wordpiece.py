@@ -84,5 +84,5 @@ def test_a_vocabulary_that_is_none(tmp_path):
     with pytest.raises(UsageError, match="cannot be read"):
         WordPiece.read(tmp_path / "none.txt")
     (tmp_path / "vocab.txt").write_text("hello\nworld\n")
-    with pytest.raises(UsageError, match=r"is no BERT vocabulary: it has no '\[CLS\]'"):
+    with pytest.raises(UsageError, match=r"is not a BERT vocabulary: it lacks '\[CLS\]'"):
         WordPiece.read(tmp_path / "vocab.txt")

@@ -105,7 +105,7 @@ def test_where_nobody_is_nobody_is_chosen(text):
 def test_what_is_no_choice_is_refused_with_what_would_be(text):
     with pytest.raises(UsageError) as refused:
         Choice.read(text)
-    assert f"target {text!r}: expected largest, central, best, #N" in str(refused.value)
+    assert f"target {text!r}: expected largest, central, best, click, #N" in str(refused.value)
     assert len(str(refused.value).splitlines()) == 1
 
 

@@ -28,6 +28,7 @@ from tests.perception.target.walkers import (
     states,
     steady,
 )
+from tests.tiers import examples
 
 TRACKED, COASTING, REACQUIRED, LOST = (
     TargetState.TRACKED,
@@ -257,7 +258,7 @@ def true_middle(walker, sight, said):
     return walker.x((sight.t_ns - said[0][0].t_ns) / 1e9)
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(15, of=60))
 @given(crowds(fastest_px_s=RUNNING_PX_S), st.randoms(use_true_random=False))
 def test_whoever_is_named_always_wears_the_targets_clothes(walkers, chance):
     said = follow(walkers, 6, target=len(walkers) - 1, order=chance.shuffle)
@@ -265,7 +266,7 @@ def test_whoever_is_named_always_wears_the_targets_clothes(walkers, chance):
     lawful(said)
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(15, of=60))
 @given(crowds(), st.randoms(use_true_random=False))
 def test_where_people_jump_only_who_was_right_behind_the_target_is_named_and_only_while_it_is_not_seen(
     walkers, chance

@@ -245,8 +245,8 @@ def test_by_name_every_part_says_where_it_runs(sam2_file, tmp_path):
     [
         ("truth", "sam2.yaml", "follows people in pictures, which --segmenter truth does not look at"),
         ("noisy", "sam2.yaml", "which --segmenter noisy does not look at"),
-        ("sam2.yaml", None, "finds nobody by itself: give it as --propagator"),
-        ("embedded", "yolo.onnx", "follows nobody's mask: expected kind sam2"),
+        ("sam2.yaml", None, "does not detect people: give it as --propagator"),
+        ("embedded", "yolo.onnx", "does not follow a mask: expected kind sam2"),
         ("embedded", "missing.yaml", "missing.yaml"),
     ],
 )

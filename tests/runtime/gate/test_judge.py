@@ -55,6 +55,30 @@ def test_a_fresh_command_made_from_what_was_seen_long_ago_or_not_yet_is_zero_at_
     assert verdict.stage is (Stage.ZERO if reasons else Stage.OBEY)
 
 
+@pytest.mark.parametrize(("left_ns", "held"), [(1, True), (0, False), (-1, False), (None, True)])
+def test_a_hand_that_does_not_hold_the_dead_man_button_is_zero_at_once_and_nothing_latches(left_ns, held):
+    gate = Gate()
+    gate.cruise(GO)
+    now_ns = gate.now_ns + round(STEP_S * 1e9)
+    robot = replace(WELL, t_ns=now_ns)
+    until_ns = None if left_ns is None else now_ns + left_ns
+    setpoint = Setpoint(GO, now_ns, held_until_ns=until_ns)
+    state, verdict = judge(gate.limits, gate.state, setpoint, robot, now_ns)
+    assert (verdict.twist, verdict.reasons) == ((GO, ()) if held else (ZERO, (Reason.DEAD_MAN,)))
+    assert (state.stop, state.last) == (None, verdict.twist)
+
+
+def test_a_held_button_outlives_neither_its_command_nor_a_stop():
+    gate = Gate()
+    gate.cruise(GO)
+    held = Setpoint(GO, gate.now_ns, held_until_ns=gate.now_ns + 10**12)
+    for age_s, reason in ((0.3, Reason.STALE), (0.6, Reason.COMMAND_LOST)):
+        now_ns = held.t_ns + round(age_s * 1e9)
+        robot = replace(WELL, t_ns=now_ns)
+        gate.state, verdict = judge(gate.limits, gate.state, held, robot, now_ns)
+        assert (verdict.twist, verdict.reasons) == (ZERO, (reason,))
+
+
 def test_a_late_command_is_obeyed_again_but_from_zero():
     gate = Gate()
     gate.cruise(GO)

@@ -113,7 +113,7 @@ def test_a_share_and_its_mirror_image_are_inside_0_and_1(case):
 
 @pytest.mark.parametrize("wrong", [(0, 0), (3, 2), (-1, 4)])
 def test_what_is_no_share_is_refused(wrong):
-    with pytest.raises(ValueError, match="no share"):
+    with pytest.raises(ValueError, match="not a share"):
         share_estimate(*wrong)
 
 

@@ -13,6 +13,7 @@ import sys
 import pytest
 
 from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.platform import Scenario
 from adatracker_deploy.sim.process import SimulatorProcess
 from adatracker_wheeled.platform import WheeledPlatform
 from tests.wheeled.uml.driver import CRUISE, PERIOD_NS, scout_on
@@ -71,7 +72,8 @@ def test_a_base_is_engaged_driven_held_and_disengaged(base, platform):
 def test_the_simulator_that_is_started_by_hand_serves_a_vcan():
     simulator = SimulatorProcess("adatracker_wheeled.sim.sitl", "simulated base")
     try:
-        simulator.start(CLOCK, ["--profile", "scout", "--interface", "socketcan", "--channel", "vcan0"])
+        bus = ("--interface", "socketcan", "--channel", "vcan0")
+        simulator.start(CLOCK, Scenario(), ["--profile", "scout", *bus])
         with WheeledPlatform(scout_on("vcan0"), CLOCK) as platform:
             platform.connect()
             platform.engage()

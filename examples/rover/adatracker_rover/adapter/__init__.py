@@ -1,1 +1,1 @@
-"""What runs on a real robot; imports nothing of the simulator."""
+"""The part that runs on a real robot; imports nothing of the simulator."""

@@ -30,7 +30,7 @@ _ASKS = 15
 
 
 class _Charge(enum.Enum):
-    """Whose the rover is."""
+    """The controller of the rover."""
 
     NONE = enum.auto()
     """Not ours: it is left alone."""
@@ -191,7 +191,7 @@ class RoverAdapter(Platform):
         self._changed.notify_all()
 
     def _hear(self, report: Report) -> None:
-        """Take in a report, in the wire's thread; a mode that nobody here asked for latches a stop."""
+        """Take in a report, in the wire's thread; an unrequested mode latches a stop."""
         with self._changed:
             self._heard = report, self.clock.now_ns()
             if report.mode is Mode.REMOTE and self._charge is not _Charge.NONE:

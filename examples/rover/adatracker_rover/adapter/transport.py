@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 _LISTEN_S = 0.1
-"""How long `close` may wait for the listener to look up."""
+"""Longest wait of `close` for the listener."""
 
 
 class Wire:

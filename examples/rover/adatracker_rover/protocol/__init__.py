@@ -1,1 +1,1 @@
-"""What both ends of the wire share: bytes, units and names."""
+"""Shared by both ends of the wire: bytes, units and names."""

@@ -1,4 +1,4 @@
-"""How the rover is reached: the profile's ``connection:`` section."""
+"""The address of the rover: the profile's ``connection:`` section."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What goes over the rover's wire. Pure: values to bytes and back.
+"""The messages of the rover's wire. Pure: values to bytes and back.
 
 Little-endian whole numbers, so that no NaN can be said; axes are those of ROS REP 103.
 
@@ -25,7 +25,7 @@ _STILL = 0.05
 
 
 class Ask(enum.IntEnum):
-    """What the host wants; every request is answered with reports from then on."""
+    """The host's requests; each is answered with reports from then on."""
 
     REPORT = 0
     ENABLE = 1
@@ -35,7 +35,7 @@ class Ask(enum.IntEnum):
 
 
 class Mode(enum.IntEnum):
-    """Whom the rover obeys."""
+    """The controller that the rover obeys."""
 
     IDLE = 0
     DRIVE = 1

@@ -1,4 +1,4 @@
-"""What the simulated rover is like: the profile's ``sitl:`` section."""
+"""The properties of the simulated rover: the profile's ``sitl:`` section."""
 
 from __future__ import annotations
 

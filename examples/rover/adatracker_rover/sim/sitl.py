@@ -13,12 +13,13 @@ import socket
 import sys
 from typing import TYPE_CHECKING
 
-from adatracker_deploy import ROBOT_SILENT, Pacer, Sitl, UsageError, parse
+from adatracker_deploy import ROBOT_SILENT, Pacer, UsageError, parse
 from adatracker_deploy.sim import (
     FaultCommands,
-    SimulatorProcess,
+    ProcessSitl,
     add_arguments,
     announce_ready,
+    given_scenario,
     parent_watchdog,
     refuse,
     simulator_clock,
@@ -38,14 +39,12 @@ _MOST_DATAGRAMS = 100
 """Read in one turn: a flood must not keep the rover from being driven."""
 
 
-class RoverSitl(Sitl):
+class RoverSitl(ProcessSitl):
     """Starts the simulator on a free port, whatever the profile's address: rehearsals never collide."""
 
+    module = "adatracker_rover.sim.sitl"
+    robot = "simulated rover"
     faults = (ROBOT_SILENT,)
-
-    def __init__(self, profile: Profile) -> None:
-        self._profile = profile
-        self._process = SimulatorProcess("adatracker_rover.sim.sitl", "simulated rover")
 
     def start(self, clock: Clock, scenario: Scenario) -> Profile:
         """Start the process; return the profile with its address, and a camera drawn from the rover's pose.
@@ -54,20 +53,12 @@ class RoverSitl(Sitl):
             PlatformError: it did not come up.
         """
         settings = json.dumps(dataclasses.asdict(self._profile.sitl))
-        ready = self._process.start(clock, ["--settings", settings, "--seed", str(scenario.seed)])
+        ready = self._process.start(clock, scenario, ["--settings", settings])
         return dataclasses.replace(
             self._profile,
             connection=dataclasses.replace(self._profile.connection, host="127.0.0.1", port=ready["port"]),
             camera=dataclasses.replace(self._profile.camera, uri=f"world://{scenario.scene}"),
         )
-
-    def close(self) -> None:
-        """End the process once its rover is at rest."""
-        self._process.close()
-
-    def order(self, line: str) -> None:
-        """Let the rover be silent, or tell again."""
-        self._process.order(line)
 
 
 def serve(
@@ -77,7 +68,7 @@ def serve(
     ended: threading.Event,
     orders: FaultCommands | None = None,
 ) -> None:
-    """Run the rover until `ended` is set and it is at rest; reports go to whoever asked last."""
+    """Run the rover until `ended` is set and it is at rest; reports go to the last host that asked."""
     orders = orders or FaultCommands()
     wire.setblocking(False)
     pacer = Pacer(clock, RATE_HZ)
@@ -96,7 +87,7 @@ def serve(
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the simulator until it is told to end; return the exit status."""
+    """Run the simulator until its parent ends it; return the exit status."""
     parser = argparse.ArgumentParser(
         prog="python -m adatracker_rover.sim.sitl", description="A simulated rover."
     )
@@ -107,6 +98,7 @@ def main(argv: list[str] | None = None) -> int:
     clock = simulator_clock(args)
     try:
         settings = parse(SitlSettings, json.loads(args.settings), where="settings")
+        seed = given_scenario(args).seed
         wire = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         wire.bind(("127.0.0.1", args.port))
     except (UsageError, json.JSONDecodeError, OverflowError) as error:
@@ -117,7 +109,7 @@ def main(argv: list[str] | None = None) -> int:
         orders = FaultCommands()
         ended = parent_watchdog(args, orders)
         announce_ready(port=wire.getsockname()[1])
-        serve(Rover(settings, args.seed, clock.now_ns() / 1e9, clock.speed), wire, clock, ended, orders)
+        serve(Rover(settings, seed, clock.now_ns() / 1e9, clock.speed), wire, clock, ended, orders)
     return 0
 
 

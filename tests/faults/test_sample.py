@@ -1,0 +1,80 @@
+"""The everyday sample covers what it says it covers, of all shipped robots, the same way each time."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from adatracker_deploy.cli import extras, faults, main
+from adatracker_deploy.faults.matrix import ROWS
+from adatracker_deploy.faults.phases import TrialPhase
+from adatracker_deploy.faults.sample import FOUND, Cell, sampled
+
+SAFETY = Path(__file__).parents[2] / "docs" / "safety.md"
+ONE_HANDLER = {"terminate": "interrupt", "hangup": "interrupt"}
+ONE_PROCESS = {"tracker_stop": "tracker_kill", "link_stop": "link_kill"}
+
+
+@pytest.fixture(scope="module")
+def cells():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(extras, "installed", lambda _: True)  # no robot's library is needed to know its rows
+        return [cell for robot in faults._robots(None) for cell in faults._cells(robot)]
+
+
+def each(cells, what):
+    return {what(cell) for cell in cells}
+
+
+@pytest.mark.parametrize(
+    "what",
+    [
+        lambda cell: (cell.platform, cell.row.fault),
+        lambda cell: (cell.platform, cell.row.phase),
+        lambda cell: ((ONE_HANDLER | ONE_PROCESS).get(cell.row.fault, cell.row.fault), cell.row.phase),
+        lambda cell: cell.row.variant,
+        lambda cell: cell.row.fault,
+        lambda cell: (cell.platform, cell.row.again),
+        lambda cell: cell.row.name in FOUND and cell.row.name,
+    ],
+    ids=["robot, fault", "robot, phase", "kind, phase", "variants", "faults", "second runs", "found"],
+)
+def test_the_sample_has_each(cells, what):
+    assert each(sampled(cells), what) == each(cells, what)
+
+
+def test_the_sample_is_about_half_in_the_matrix_order_and_the_same_each_time(cells):
+    sample = sampled(cells)
+    assert len(sample) < 0.5 * len(cells)
+    assert [cell for cell in cells if cell in sample] == sample
+    assert sampled(list(cells)) == sample
+
+
+def test_the_page_says_how_many_rows_it_has(cells):
+    (told,) = re.findall(r"`--sample`, (\d+) of (\d+) rows", SAFETY.read_text())
+    assert tuple(map(int, told)) == (len(sampled(cells)), len(cells))
+
+
+def test_a_flight_is_drawn_only_where_no_ground_robot_shows_the_same():
+    row = ROWS[0]
+    ground, flying = (
+        [Cell(name, replace(row, fault=fault, phase=phase), flies)
+         for fault, phase in itertools.product(("a", "b"), (TrialPhase.LOOKING, TrialPhase.FOLLOWING))]
+        for name, flies in (("base", False), ("drone", True))
+    )  # fmt: skip
+    sample = sampled([*flying, *ground])
+    assert [cell.platform for cell in sample].count("drone") == 2
+    assert each(sample, lambda cell: cell.row.name) == {"a", "b", "a@looking", "b@looking"}
+
+
+def test_the_command_runs_of_a_robot_what_the_sample_of_all_has(monkeypatch, capsys):
+    jobs = []
+    monkeypatch.setattr(faults, "_run_all", lambda run, *_: jobs.append(len(run)) or [])
+    assert main(["faults", "--platform", "wheeled", "--phase", "stopping"]) == 0
+    assert main(["faults", "--platform", "wheeled", "--phase", "stopping", "--sample"]) == 0
+    whole, sample = jobs
+    assert 0 < sample < whole
