@@ -70,10 +70,16 @@ def check_renderer() -> None:
 
 @functools.cache
 def _engine() -> tuple[Any, Any]:
-    """Return Panda3D's engine and the software rasteriser's pipe."""
+    """Return Panda3D's engine and the software rasteriser's pipe.
+
+    It draws what is opaque in the scene's order. By default that is by addresses in memory, on which then
+    depends which of two surfaces is seen where their depths, of 16 bits, are equal.
+    """
     from panda3d import core as p3d
 
     p3d.load_prc_file_data("", "\n".join(_QUIET))
+    bins = p3d.CullBinManager.get_global_ptr()
+    bins.set_bin_type(bins.find_bin("opaque"), p3d.CullBinManager.BT_unsorted)
     pipe = p3d.GraphicsPipeSelection.get_global_ptr().make_pipe("TinyOffscreenGraphicsPipe", "p3tinydisplay")
     return p3d.GraphicsEngine.get_global_ptr(), pipe
 

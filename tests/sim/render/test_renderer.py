@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import math
 
 import numpy as np
@@ -77,6 +78,16 @@ def test_the_same_seed_shows_the_same_and_another_somebody_else():
     np.testing.assert_array_equal(first[0], second[0])
     np.testing.assert_array_equal(first[1], second[1])
     assert not np.array_equal(first[1], third[1])
+
+
+def test_where_two_surfaces_are_equally_far_the_same_one_is_seen_each_time():
+    """By Panda3D's own order of drawing, by address, pictures differed in one to three pixels of an edge."""
+    for seed in range(20):
+        before = picture(World("urban_city", seed=seed, obstacles=False))
+        gc.collect()  # else the second world has the addresses of the first
+        again = picture(World("urban_city", seed=seed, obstacles=False))
+        np.testing.assert_array_equal(before[0], again[0])
+        np.testing.assert_array_equal(before[1], again[1])
 
 
 def test_turning_left_moves_the_target_right_and_a_wider_view_makes_it_smaller():
