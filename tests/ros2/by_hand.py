@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import math
 import os
-import random
 import secrets
 import subprocess
 import sys
@@ -20,6 +19,7 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 
 from adatracker_deploy.registry import profile_dir
+from adatracker_ros2.sim.domain import ReservedDomain
 from tests.e2e.ground_robots import Watcher
 
 
@@ -28,11 +28,13 @@ class Ros2Robot:
 
     def __init__(self, folder, *arguments: str) -> None:
         self.watcher = Watcher()
-        domain, token = random.SystemRandom().randrange(1, 102), secrets.token_hex(16)
+        self._domain, token = ReservedDomain(), secrets.token_hex(16)
         document = yaml.safe_load((profile_dir() / "ros2_robot.yaml").read_text())
         document["limits"]["forward_m_s"] = 0.5  # the speed that the other robots' stops are measured at
         document["camera"]["rate_hz"] = 10  # two busy cores also draw its pictures
-        document["connection"].update(domain=domain, discovery="localhost", rehearsal_token=token)
+        document["connection"].update(
+            domain=self._domain.number, discovery="localhost", rehearsal_token=token
+        )
         self.profile = folder / "ros2_by_hand.yaml"
         self.profile.write_text(yaml.safe_dump(document))
         self.simulator = subprocess.Popen(
@@ -45,7 +47,7 @@ class Ros2Robot:
         )
         line = self.simulator.stdout.readline()
         assert line.startswith('{"ready"'), line
-        self._watch(domain, f"/sitl_{token}/odom")
+        self._watch(self._domain.number, f"/sitl_{token}/odom")
 
     def _watch(self, domain: int, topic: str) -> None:
         self._context, self._ending = Context(), threading.Event()
@@ -78,3 +80,4 @@ class Ros2Robot:
         self.simulator.kill()
         self.simulator.wait()
         self.simulator.stdout.close()
+        self._domain.close()

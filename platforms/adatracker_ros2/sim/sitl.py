@@ -12,7 +12,6 @@ import contextlib
 import dataclasses
 import importlib.util
 import json
-import random
 import secrets
 import sys
 from typing import TYPE_CHECKING
@@ -32,6 +31,7 @@ from adatracker_deploy.sim.process import (
     simulator_clock,
 )
 from adatracker_ros2.protocol.connection import Connection
+from adatracker_ros2.sim.domain import ReservedDomain
 from adatracker_ros2.sim.faults import ON_DEMAND
 
 if TYPE_CHECKING:
@@ -41,30 +41,28 @@ if TYPE_CHECKING:
     from adatracker_ros2.sim.simulator import Robot
 
 _FAILED = 1
-_DOMAINS = range(1, 102)
-"""Domains whose ports lie below Linux's ephemeral ports (docs.ros.org, "The
-ROS_DOMAIN_ID")."""
 
 
 class Ros2Sitl(ProcessSitl):
-    """Starts the simulator in a random domain of this machine, whatever robot the profile names."""
+    """Starts the simulator in an empty domain of this machine, whatever robot the profile names."""
 
     module = "adatracker_ros2.sim.sitl"
     robot = "simulated ROS 2 robot"
     faults = ON_DEMAND
+    _domain: ReservedDomain | None = None
 
     def start(self, clock: Clock, scenario: Scenario) -> Profile:
         """Start the simulator and wait until it is up.
 
         Raises:
             UsageError: there is no such scene, or the ros2 or sitl extra is missing.
-            PlatformError: the process did not come up.
+            PlatformError: the process did not come up, or every domain is in use.
         """
         _require()
         profile = with_robots_camera(self._profile)
-        domain = random.SystemRandom().choice(_DOMAINS)
+        self._domain = ReservedDomain()
         connection = dataclasses.replace(
-            _alone(with_camera(profile), domain), rehearsal_token=secrets.token_hex(16)
+            _alone(with_camera(profile), self._domain.number), rehearsal_token=secrets.token_hex(16)
         )
         robot = {
             "connection": dataclasses.asdict(connection),
@@ -73,6 +71,12 @@ class Ros2Sitl(ProcessSitl):
         }
         self._process.start(clock, scenario, ["--robot", json.dumps(robot)])
         return dataclasses.replace(profile, connection=connection)
+
+    def close(self) -> None:
+        """Tell the process to end, wait until its robot stands, give the domain back; may be called twice."""
+        super().close()
+        if self._domain is not None:
+            self._domain.close()
 
 
 def _alone(connection: Connection, domain: int) -> Connection:
