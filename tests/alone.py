@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 ALONE = ("e2e", "outside")
 UNTIMED = ("test_operator_stop.py", "test_rehearsal_alone.py")
 """Files there that time nothing, and so run beside others."""
+ELSEWHERE = ("test_ros2_rehearsal.py", "test_ros2_stops.py")
+"""Whole rehearsals that stand with their robot's other tests."""
 TESTS = Path(__file__).parent
 _turns = contextlib.ExitStack()
 """What this worker holds: from the first test of a file to its last."""
@@ -30,7 +32,7 @@ _held: list[Path] = []
 def is_alone(path: Path) -> bool:
     """Return whether the tests of a file run beside no others."""
     alone = path.is_relative_to(TESTS) and path.relative_to(TESTS).parts[0] in ALONE
-    return alone and path.name not in UNTIMED
+    return (alone and path.name not in UNTIMED) or path.name in ELSEWHERE
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
