@@ -201,6 +201,16 @@ def test_an_echo_of_our_own_frame_is_not_heard(bus, driver, heard):
     assert [frame.id for frame in heard if frame is not None] == [0x221]
 
 
+def test_what_another_program_of_this_machine_has_sent_is_heard_where_nothing_is_echoed(driver, heard):
+    """SocketCAN: a simulator, a gateway, or a second operator's program on the same computer."""
+    tapped = []
+    with contextlib.closing(Bus(driver, "can0 (test)", heard.append, tapped.append, shared=True)):
+        driver.arrivals.put(can.Message(arbitration_id=0x111, is_extended_id=False, is_rx=False))
+        until(lambda: any(frame is not None for frame in heard))
+    assert [frame.id for frame in heard if frame is not None] == [0x111]
+    assert [message.is_rx for message in tapped] == [True]
+
+
 # A simulator that goes
 
 

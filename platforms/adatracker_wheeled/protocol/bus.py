@@ -34,6 +34,10 @@ _SEND_TIMEOUT_S = 0.1
 _BUS_OFF = 0x40
 """CAN_ERR_BUSOFF in the id of an error frame (linux/can/error.h)."""
 
+_SHARED = "socketcan"
+"""Delivers own frames on request alone, and marks what other programs of this machine have sent with
+MSG_DONTROUTE (Linux, networking/can.rst, 4.1.7), which python-can takes for an own frame."""
+
 
 class Bus:
     """An open bus that is listened to.
@@ -44,6 +48,7 @@ class Bus:
         hear: called in the receive thread with each data frame, and with None when nothing came for 50 ms and
             when the bus is lost.
         tap: called with each of python-can's messages that was heard or sent; must return at once.
+        shared: the driver echoes nothing, and marks as sent what other programs of this machine have sent.
     """
 
     def __init__(
@@ -52,6 +57,8 @@ class Bus:
         name: str,
         hear: Callable[[CanFrame | None], None],
         tap: Callable[[Any], None] = lambda _: None,
+        *,
+        shared: bool = False,
     ) -> None:
         self.lost = ""
         """Reason for the loss of the bus; empty while it works."""
@@ -63,6 +70,7 @@ class Bus:
         self._name = name
         self._hear = hear
         self._tap = tap
+        self._shared = shared
         self._stream = _stream(driver)
         self._sending = threading.Lock()
         self._full_since_s: float | None = None
@@ -83,7 +91,7 @@ class Bus:
             UsageError, PlatformError: as `open_driver`.
         """
         name = f"{connection.channel} ({connection.interface})"
-        return cls(open_driver(connection), name, hear, tap)
+        return cls(open_driver(connection), name, hear, tap, shared=connection.interface == _SHARED)
 
     def send(self, frame: CanFrame) -> bool:
         """Send one frame now or never; return whether the bus took it.
@@ -125,6 +133,8 @@ class Bus:
                 if message is None and self._stream is not None and _ended(self._stream):
                     self._lose("the far side has closed the connection")  # python-can would spin in silence
                     break
+                if message is not None and self._shared:
+                    message.is_rx = True
                 if message is not None and message.is_rx:  # not our own, where a driver echoes what was sent
                     self._tap(message)
                 self._hear(self._to_frame(message))
