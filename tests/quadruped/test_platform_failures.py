@@ -283,12 +283,13 @@ def test_a_robot_that_tells_nothing_new_is_stopped(fault):
 def test_a_robot_whose_odometry_begins_again_is_stopped_at_once_and_not_for_want_of_it():
     """Its driver's clock is set back by ten seconds, or the driver is started anew."""
     with simulator() as (_, profile), connected(profile) as platform:
-        platform.engage()
-        send_for(platform, WALK, 0.5)
         connection = profile.connection
         with dial(connection.endpoint) as session:
             keys = Keys(connection)
             before = Publisher(session, keys.odometry, attaches=keys.attaches)
+            until(lambda: before.matched)  # else nobody hears the only message
+            platform.engage()
+            send_for(platform, WALK, 0.5)
             ahead_ns = time.time_ns() + 10 * 10**9
             pose, velocity = platform.state().pose, platform.state().velocity
             before.put(encode_odometry(Odometry(pose, velocity, ahead_ns)), ahead_ns)
