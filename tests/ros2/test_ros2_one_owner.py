@@ -1,7 +1,10 @@
 """A ROS 2 topic has no owner: whoever else publishes commands is found, named, and left the robot."""
 
+import dataclasses
+import json
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -54,6 +57,41 @@ def test_a_publisher_that_appears_stops_the_robot_and_the_stop_latches(robot):
         platform.engage()
         assert not platform.state().taken_over
         assert not platform.state().stopped
+
+
+HOST = """
+import json
+import sys
+import time
+from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_ros2.adapter.transport import Wire
+from adatracker_deploy.config.schema import parse
+from adatracker_ros2.protocol.connection import Connection
+wire = Wire(parse(Connection, json.loads(sys.argv[1]), where="connection"), MonotonicClock(), lambda: None)
+print("up", flush=True)
+for _ in range(int(sys.argv[2])):
+    for there in (True, False):
+        while bool(wire.ownership.rival()) != there:
+            time.sleep(0.005)
+        print(time.monotonic() if there else "alone", flush=True)
+wire.close()
+"""
+NEWCOMERS, SEEN_S = 12, 1.0
+
+
+def test_every_newcomer_is_seen_at_once_and_not_at_its_next_announcement(robot):
+    """With Fast DDS's own period of 3 s about one in three is seen after 2.9 s."""
+    connection = json.dumps(dataclasses.asdict(robot.connection))
+    command = [sys.executable, "-c", HOST, connection, str(NEWCOMERS)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as host:
+        assert host.stdout.readline() == "up\n"
+        seen_s = []
+        for _ in range(NEWCOMERS):
+            with teleop(robot):
+                begun_s = time.monotonic()
+                seen_s.append(float(host.stdout.readline()) - begun_s)
+            assert host.stdout.readline() == "alone\n"
+    assert max(seen_s) < SEEN_S, seen_s
 
 
 def test_another_program_on_this_machine_cannot_have_the_same_robot(robot):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import secrets
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from adatracker_deploy.runtime.ownership import Claim
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
     from adatracker_ros2.protocol.connection import Connection
 
 _POLL_S = 0.02
+_FASTDDS = Path(__file__).with_name("fastdds.xml")
+"""Makes others known early; see docs/ros2.md, 3."""
 
 
 class Wire:
@@ -40,7 +43,9 @@ class Wire:
         topics = Topics(connection)
         self._claim = Claim(claimed(connection))
         try:
-            self._participant = Participant(connection, f"adatracker_host_{secrets.token_hex(4)}")
+            self._participant = Participant(
+                connection, f"adatracker_host_{secrets.token_hex(4)}", fastdds=_FASTDDS
+            )
         except BaseException:
             self._claim.close()
             raise

@@ -20,12 +20,15 @@ from adatracker_deploy.core.errors import PlatformError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+    from pathlib import Path
 
     from adatracker_ros2.protocol.connection import Connection
 
 _LOOK_S = 0.05
 """Longest delay before the thread notices that it should end."""
 _JOIN_S = 2.0
+_FASTDDS_PROFILES = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")
+"""As Fast DDS 3 and 2 name it; read once in a process, with its first participant."""
 _ENVIRONMENT = threading.Lock()
 """Held while a context reads the process's environment, which is the only way to tell it its discovery."""
 
@@ -39,6 +42,8 @@ class Participant:
         namespace: the node's.
         node_class: `Node`, or one of its subclasses.
         parameters: its parameters with their values; without any it has no parameter services.
+        fastdds: a file of Fast DDS profiles, for all nodes of this process; an environment that names one
+            keeps its own.
 
     Raises:
         PlatformError: ROS 2 does not start.
@@ -52,13 +57,14 @@ class Participant:
         namespace: str = "/",
         node_class: type[Any] = Node,
         parameters: dict[str, Any] | None = None,
+        fastdds: Path | None = None,
     ) -> None:
         self.name = name
         self._context = Context()
         self.failures = 0
         """Number of messages that rclpy could not read."""
         try:
-            with _discovering(connection):
+            with _discovering(connection, fastdds):
                 self._context.init(args=[], domain_id=connection.domain, initialize_logging=False)
                 self.node = node_class(
                     name,
@@ -115,12 +121,14 @@ class Participant:
 
 
 @contextlib.contextmanager
-def _discovering(connection: Connection) -> Iterator[None]:
+def _discovering(connection: Connection, fastdds: Path | None) -> Iterator[None]:
     wanted = {
         "ROS_AUTOMATIC_DISCOVERY_RANGE": connection.discovery.upper(),
         "ROS_STATIC_PEERS": connection.peers,
     }
     with _ENVIRONMENT:
+        if fastdds is not None and not any(name in os.environ for name in _FASTDDS_PROFILES):
+            wanted |= dict.fromkeys(_FASTDDS_PROFILES, str(fastdds))
         before = {name: os.environ.get(name) for name in (*wanted, "ROS_LOCALHOST_ONLY")}
         os.environ.pop("ROS_LOCALHOST_ONLY", None)  # it is deprecated, and overrides the others
         os.environ.update(wanted)
