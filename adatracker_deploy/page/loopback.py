@@ -13,7 +13,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 MAX_CONNECTIONS = 16
-"""At one time; one more is closed at once."""
+"""At one time."""
+_ROOM_TIMEOUT_S = 1.0
+"""One more waits so long for room, then is closed. A client that has left takes room until the next pictures
+are sent to it."""
 
 
 class LoopbackServer(ThreadingHTTPServer):
@@ -32,13 +35,13 @@ class LoopbackServer(ThreadingHTTPServer):
 
     def __init__(self, port: int, handler: Callable[..., BaseHTTPRequestHandler]) -> None:
         self._connections: set[socket.socket] = set()
-        self._connecting = threading.Lock()
+        self._room = threading.Condition()
         super().__init__(("127.0.0.1", port), handler)
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """Serve a connection in a thread of its own, or close it, if there are too many."""
-        with self._connecting:
-            room = len(self._connections) < MAX_CONNECTIONS
+        """Serve a connection in a thread of its own, or close it, if too many stay."""
+        with self._room:
+            room = self._room.wait_for(lambda: len(self._connections) < MAX_CONNECTIONS, _ROOM_TIMEOUT_S)
             if room:
                 self._connections.add(request)
         if room:
@@ -48,13 +51,14 @@ class LoopbackServer(ThreadingHTTPServer):
 
     def shutdown_request(self, request: Any) -> None:
         """Forget a connection that is served."""
-        with self._connecting:
+        with self._room:
             self._connections.discard(request)
+            self._room.notify()
         super().shutdown_request(request)
 
     def disconnect_all(self) -> None:
         """End every connection, whatever is being sent."""
-        with self._connecting:
+        with self._room:
             for connection in self._connections:
                 with contextlib.suppress(OSError):  # one that has left by itself must not keep the others
                     connection.shutdown(socket.SHUT_RDWR)

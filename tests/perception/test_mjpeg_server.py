@@ -19,6 +19,7 @@ import pytest
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.core.geometry import Pose
 from adatracker_deploy.core.messages import Frame, Truth
+from adatracker_deploy.page.loopback import MAX_CONNECTIONS
 from adatracker_deploy.perception import mjpeg_server
 from adatracker_deploy.perception.capture import Capture
 from adatracker_deploy.perception.jpeg import decode_jpeg
@@ -145,6 +146,27 @@ def test_a_client_that_does_not_read_delays_nobody_and_is_shown_the_present_late
             seen.append(int(slow().headers["x-sequence"]))
         assert len(seen) < 20
         assert seen == sorted(set(seen))
+
+
+def test_clients_that_have_left_keep_nobody_out(server):
+    for _ in range(MAX_CONNECTIONS):
+        with watching(server):
+            pass  # no picture is sent, so the server does not know yet that it has left
+    ended = threading.Event()
+
+    def publish():
+        seq = 0
+        while not ended.wait(0.02):
+            server.publish(frame(seq := seq + 1))
+
+    publishing = threading.Thread(target=publish)
+    publishing.start()
+    try:
+        with watching(server) as next_part:
+            assert decode_jpeg(next_part().body).shape == (48, 64, 3)
+    finally:
+        ended.set()
+        publishing.join()
 
 
 def test_whoever_posts_go_lets_the_people_walk(server):
