@@ -28,9 +28,9 @@ FILE_NAME = "can.log"
 """Name in the trial's folder."""
 FORMATS = (".asc", ".blf")
 """Formats of `export_traffic`, by file name suffix: Vector's text and binary logs."""
-_BACKLOG = 100_000
-"""Frames that wait at most: those before the trial's folder is known, and while a disk stalls. A full bus of
-1 Mbit/s brings about 8,000 a second."""
+_BACKLOG = 20_000
+"""Frames that wait at most, 0.4 kB each: those before the trial's folder is known, and while a disk stalls. A
+base and its commands bring some 300 a second, a full bus of 1 Mbit/s about 8,000."""
 _BATCH_S = 0.01
 _SYNC_S = 1.0
 
