@@ -78,7 +78,7 @@ def test_ctrl_c_while_it_drives(drive, robot, measured):
 
 def test_ctrl_c_while_it_stops_changes_nothing_about_its_end(drive, robot, measured):
     struck_s, said, status = interrupt_at(drive("--steps", "100"), "; stopping")
-    assert "completed; stopping" in said
+    assert "completed; stopping" in said, said
     assert status in (0, 130), said
     halted = [sample for sample in robot.watcher.samples if sample.t_s > struck_s]
     last = max((sample.t_s for sample in halted if sample.speed_m_s > STILL_M_S), default=struck_s)
