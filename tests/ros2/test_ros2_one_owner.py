@@ -13,7 +13,15 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed: pip install 'adatra
 from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.messages import Twist
 from adatracker_ros2.protocol.topics import TWIST, Topics
-from tests.ros2.rehearsal import adapter, publisher, rehearsed, send_while, simulator, until
+from tests.ros2.rehearsal import (
+    adapter,
+    listener,
+    publisher,
+    rehearsed,
+    send_while,
+    simulator,
+    until,
+)
 
 CRUISE = Twist(vx=0.5)
 
@@ -57,6 +65,23 @@ def test_a_publisher_that_appears_stops_the_robot_and_the_stop_latches(robot):
         platform.engage()
         assert not platform.state().taken_over
         assert not platform.state().stopped
+
+
+def test_whoever_takes_a_robot_that_is_held_has_it(robot):
+    """Between a trial's stop and its end the robot is not driven, and somebody may take it over."""
+    topic = Topics(robot.connection).command
+    with adapter(robot) as platform, listener(robot.connection, "listener", topic, TWIST) as heard:
+        platform.connect()
+        platform.engage()
+        send_while(platform, CRUISE, lambda: platform.state().velocity.vx < 0.4 or not heard)
+        platform.hold("the trial is over")
+        with teleop(robot):
+            until(lambda: platform.state().taken_over)
+            until(lambda: heard[-1].linear.x == 0.0)
+            heard.clear()
+            platform.disengage()
+            platform.close()
+    assert heard == []
 
 
 HOST = """
