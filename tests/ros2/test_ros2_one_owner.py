@@ -13,6 +13,7 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed: pip install 'adatra
 from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.messages import Twist
 from adatracker_ros2.protocol.topics import TWIST, Topics
+from tests.race import owners, race
 from tests.ros2.rehearsal import (
     adapter,
     listener,
@@ -124,6 +125,21 @@ def test_another_program_on_this_machine_cannot_have_the_same_robot(robot):
         platform.connect()
         with pytest.raises(PlatformError, match="driven by another program on this machine"):
             second.connect()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("elsewhere", [(), ("--elsewhere",)], ids=["one machine", "two machines"])
+def test_of_two_that_start_at_once_never_both_have_the_robot(robot, elsewhere, measured, exhaustive):
+    own = dataclasses.asdict(robot.connection)
+    connection = {name: own[name] for name in ("domain", "discovery", "rehearsal_token")}
+    results = race("ros2", connection, "--preflight", *elsewhere, starts=50 if exhaustive else 5)
+    counts = [len(owners(result)) for result in results]
+    where = "on two machines" if elsewhere else "on one machine"
+    measured(f"two starts at once for a ROS 2 robot, {where}: owners {sorted(set(counts))} of {len(counts)}")
+    assert max(counts) <= 1, results
+    assert elsewhere or counts == [1] * len(counts), results
+    refused = [said for result in results for said in result if said != "owner"]
+    assert all("publishes to" in said or "another program" in said for said in refused), refused
 
 
 def test_no_name_of_a_rehearsal_is_one_that_a_robot_has(robot):
