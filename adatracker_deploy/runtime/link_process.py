@@ -206,7 +206,7 @@ class LinkProcess:
 
 @contextlib.contextmanager
 def _deaf_to_the_terminal() -> Iterator[None]:
-    """Block Ctrl-C and hangups for a process started within, which inherits it until it leaves the session."""
+    """Block Ctrl-C and hangups for a process started within, until it has left this session."""
     resource_tracker.ensure_running()  # with the first process otherwise, and that would end the blocking
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP})
     try:
