@@ -32,7 +32,7 @@ def race(name, connection, *options, starts):
     Args:
         name: of the platform.
         connection: changes of its shipped profile's, with which they reach the robot.
-        options: ``--elsewhere`` for two machines, ``--connect-only``.
+        options: ``--elsewhere`` for two machines, ``--preflight``, ``--connect-only``.
         starts: how often.
     """
     results = []

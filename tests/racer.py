@@ -1,12 +1,14 @@
 """A program that would like to have a robot, again and again: two of them race for it.
 
-``python -m tests.racer PLATFORM CONNECTION.json [--elsewhere] [--connect-only]``; a line on stdin is a
-moment, ns of the monotonic clock, at which it connects and engages. It answers ``owner`` or ``refused: WHY``,
-and lets go at the next line, which it answers with ``free``. With ``--elsewhere`` it is on another machine,
-say claims. With ``--connect-only`` it does not engage: whose the robot is, is settled when it connects.
+``python -m tests.racer PLATFORM CONNECTION.json [OPTION...]``; a line on stdin is a moment, ns of the
+monotonic clock, at which it connects and engages. It answers ``owner`` or ``refused: WHY``, and lets go at
+the next line, which it answers with ``free``. With ``--elsewhere`` it is on another machine, say claims. With
+``--preflight`` it makes one before it engages, as a run does. With ``--connect-only`` it does not engage:
+whose the robot is, is settled when it connects.
 """
 
 import dataclasses
+import importlib
 import json
 import sys
 import time
@@ -20,7 +22,7 @@ from tests.other_machine import OfAnotherMachine
 def main(name, connection, *options):
     cls = load_platform(name)
     if "--elsewhere" in options:
-        sys.modules[f"adatracker_{name}.adapter.transport"].Claim = OfAnotherMachine
+        importlib.import_module(f"adatracker_{name}.adapter.transport").Claim = OfAnotherMachine
     profile = load_profile(cls.default_profile, cls)
     profile = dataclasses.replace(
         profile, connection=dataclasses.replace(profile.connection, **json.loads(connection))
@@ -34,6 +36,8 @@ def main(name, connection, *options):
                 time.sleep(0.0005)
             try:
                 platform.connect()
+                if "--preflight" in options:
+                    platform.preflight()
                 if "--connect-only" not in options:
                     platform.engage()
                 print("owner", flush=True)

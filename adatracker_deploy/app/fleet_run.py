@@ -81,14 +81,18 @@ class FleetRun:
         finally:
             os.close(stop_fd)
 
-    def run(self) -> None:
+    def run(self, meanwhile: Callable[[], None] = lambda: None) -> None:
         """Start the robots together and watch them, until all have ended.
+
+        Args:
+            meanwhile: called again and again; what it raises ends the watch.
 
         Raises:
             UsageError: a robot's request is refused; nothing was opened.
             KeyboardInterrupt: the operator stops; `stop` must follow.
         """
         while True:
+            meanwhile()
             standings = [member.standing() for member in self.members]
             step, because = next_step(standings, self._released, self._on_failure)
             if step is Step.STOP and not self._stopped:

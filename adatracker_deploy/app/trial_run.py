@@ -12,6 +12,7 @@ import math
 import tempfile
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -220,7 +221,8 @@ class _Trial:
             self._await_start(plan.start_line)
         self.progress.phase("engaging")
         self._in_phase("engaging")
-        self.engagement.begin()
+        self.stop.insist()
+        self.engagement.begin(self.stop.insist)
         plan.segmenter.reset()
         perception = self.stack.enter_context(
             Perception(camera, plan.segmenter, self.clock, LOOK_HZ * self.clock.speed)
@@ -237,7 +239,7 @@ class _Trial:
         self.hand.refuse_gone()
         self.progress.phase(f"following for {plan.steps} steps at {plan.policy.info.rate_hz:g} Hz")
         loop = Loop(
-            observe=perception.newest,
+            observe=partial(self._observe, perception),
             policy=plan.policy,
             link=self.link,
             limits=profile.limits,
@@ -263,6 +265,7 @@ class _Trial:
         self.progress.phase("ready")
         start_line.reach()
         for _ in self.engagement.statuses(math.inf):
+            self.stop.insist()
             if start_line.open():
                 return
 
@@ -270,6 +273,7 @@ class _Trial:
         """Wait, standing still, until the target is seen."""
         deadline_s = time.monotonic() + patience_s
         for _ in self.engagement.statuses(math.inf):
+            self.stop.insist()
             self.link.send(ZERO, self.clock.now_ns())
             try:
                 seen = perception.newest()
@@ -282,6 +286,10 @@ class _Trial:
                 return
             if time.monotonic() > deadline_s:
                 raise PlatformError(f"no person was seen within {patience_s:g} s")
+
+    def _observe(self, perception: Perception, patience_s: float) -> Seen | None:
+        self.stop.insist()
+        return perception.newest(patience_s)
 
     def _take_clicks(self, perception: Perception, seen: Seen) -> None:
         """Hand the operator's clicks to perception, and tell what became of the last."""

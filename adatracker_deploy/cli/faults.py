@@ -92,7 +92,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         type=whole(1, MOST_AT_ONCE),
         default=1,
         metavar="N",
-        help="rehearsals side by side; a row that fails is run again alone, and that result counts "
+        help="rehearsals side by side; a row that fails is run again beside half as many, and then alone "
         "(default: %(default)s)",
     )
     parser.add_argument("--markdown", type=Path, metavar="FILE", help="also write the table into this file")
@@ -270,7 +270,10 @@ def _robots(asked: Sequence[str] | None) -> list[Robot]:
 def _run_all(
     jobs: Sequence[Job], at_once: int, stalls: StallMonitor, tell: Callable[[Result], None]
 ) -> list[Result]:
-    """Run all rows, several side by side; then alone those that must be, or went wrong beside another."""
+    """Run all rows, several side by side; then alone those that must be, or went wrong beside another.
+
+    Those that went wrong are run again beside half as many first: most of them only lacked a core.
+    """
     results: dict[int, Result] = {}
     failed: dict[int, Result] = {}
     ending = threading.Event()
@@ -278,21 +281,24 @@ def _run_all(
     def rehearse_one(at: int) -> None:
         if ending.is_set():
             return
-        result = _once(jobs[at], stalls)
+        result = replace(_once(jobs[at], stalls), first_failure=_first(failed.get(at)))
         if result.verdict == "ok":
             results[at] = result
             tell(result)
         else:
-            failed[at] = result
+            failed.setdefault(at, result)
 
-    if at_once > 1:
+    while at_once > 1:
+        left = [at for at, job in enumerate(jobs) if not job.alone and at not in results]
         with ThreadPoolExecutor(at_once) as pool:
-            beside = [pool.submit(rehearse_one, at) for at, job in enumerate(jobs) if not job.alone]
+            beside = [pool.submit(rehearse_one, at) for at in left]
             try:
                 for one in beside:
                     one.result()
-            finally:
+            except BaseException:
                 ending.set()
+                raise
+        at_once //= 2
     for at, job in enumerate(jobs):
         if at not in results:
             results[at] = _until_calm(job, stalls, failed.get(at))
@@ -316,13 +322,18 @@ def _until_calm(job: Job, stalls: StallMonitor, before: Result | None = None) ->
         stalls: watches the machine.
         before: how it went wrong beside others.
     """
-    first = "" if before is None else f"beside others, {_told(before)}"
+    first = _first(before)
     for tries in range(1, TRIES + 1):
         result = replace(_once(job, stalls), tries=tries, first_failure=first)
         if result.verdict == "ok" or not (job.alone or result.stall_s >= STALLED_S):
             break
         first = first or _told(result)
     return result
+
+
+def _first(beside: Result | None) -> str:
+    """Return how a row first went wrong beside others; empty if it did not."""
+    return "" if beside is None else f"beside others, {_told(beside)}"
 
 
 def _told(result: Result) -> str:

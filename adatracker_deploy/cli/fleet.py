@@ -112,7 +112,7 @@ def run(args: argparse.Namespace) -> int:
                 if enter:
                     tell("", "Enter or Ctrl-C stops all robots")
                 try:
-                    under_way.run()
+                    under_way.run(stop.insist)
                 except KeyboardInterrupt:
                     with stop.finishing():
                         tell("", "stopped by the operator: all stop")

@@ -41,8 +41,11 @@ class Engagement:
         self._clock = clock
         self._tell = tell
 
-    def begin(self) -> None:
+    def begin(self, meanwhile: Callable[[], None] = lambda: None) -> None:
         """Engage, and wait until the robot follows commands.
+
+        Args:
+            meanwhile: called again and again; what it raises ends the wait.
 
         Raises:
             PlatformError: it stopped while engaging, or was not engaged within `ENGAGE_TIMEOUT_S`.
@@ -50,6 +53,7 @@ class Engagement:
         self._link.engage()
         airborne = False
         for status in self.statuses(ENGAGE_TIMEOUT_S):
+            meanwhile()
             self._link.send(ZERO, self._clock.now_ns())  # says that somebody still waits for the robot
             if not airborne and not status.state.landed:
                 airborne = True

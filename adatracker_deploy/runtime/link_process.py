@@ -81,7 +81,7 @@ class LinkProcess:
             args=(platform, profile, clock, scheduling, setpoints, statuses, simulator),
             name="link",
         )
-        with _deaf_to_interrupts():
+        with _deaf_to_the_terminal():
             self._process.start()
         simulator.close()
 
@@ -205,10 +205,10 @@ class LinkProcess:
 
 
 @contextlib.contextmanager
-def _deaf_to_interrupts() -> Iterator[None]:
-    """Block Ctrl-C for a process started within: it inherits the blocked signals while it imports."""
+def _deaf_to_the_terminal() -> Iterator[None]:
+    """Block Ctrl-C and hangups for a process started within, until it has left this session."""
     resource_tracker.ensure_running()  # with the first process otherwise, and that would end the blocking
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP})
     try:
         yield
     finally:

@@ -27,7 +27,8 @@ class StopRequest:
     """Handles requests to stop this command, from any of `SIGNALS`, by raising KeyboardInterrupt.
 
     Within a trial only the first raises, and none while the trial ends: ending takes a bounded time and must
-    not be cut short before the robot rests and the log is closed. All are remembered.
+    not be cut short before the robot rests and the log is closed. All are remembered. An exception that gets
+    lost on its way, as in a finalizer, is raised again by `insist`, which a trial calls at each of its turns.
 
     Args:
         on_first: called in the signal handler at the first request.
@@ -43,6 +44,7 @@ class StopRequest:
         self._on_first = on_first
         self._in_trial = False
         self._only_remembers = False
+        self._finishing = False
         self._terminals = tuple(number for number in (1, 2) if os.isatty(number))
 
     @contextlib.contextmanager
@@ -66,12 +68,18 @@ class StopRequest:
         try:
             yield
         finally:
-            self._in_trial = self._only_remembers = False
+            self._in_trial = self._only_remembers = self._finishing = False
+
+    def insist(self) -> None:
+        """Raise KeyboardInterrupt if a stop was asked for in a trial that has not begun to end."""
+        if self.asked and self._in_trial and not self._finishing:
+            raise KeyboardInterrupt
 
     @contextlib.contextmanager
     def finishing(self) -> Iterator[None]:
         """From now on, until the trial has ended, only remember requests."""
         self._only_remembers = True  # first: what comes while the handlers are changed is remembered, too
+        self._finishing = True
         try:
             with self.listening():
                 yield

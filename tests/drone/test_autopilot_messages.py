@@ -67,6 +67,16 @@ def test_a_heartbeat_says_px4_quadrotor_mode_and_arming():
     assert flight.of("HEARTBEAT")[-1].base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 
 
+def test_disarmed_and_not_armable_it_does_not_say_standby():
+    flight = Flight().run(3.0)
+    states = [message.system_status for message in flight.of("HEARTBEAT")]
+    assert states[0] == mavlink.MAV_STATE_UNINIT == 0
+    assert states[-1] == mavlink.MAV_STATE_STANDBY
+    flight.arm()
+    flight.run(1.0)
+    assert flight.of("HEARTBEAT")[-1].system_status == mavlink.MAV_STATE_ACTIVE
+
+
 def test_a_change_of_mode_is_told_no_sooner_than_the_next_heartbeat():
     flight = Flight().offboard(velocity())
     told = [message.custom_mode for message in flight.of("HEARTBEAT")]

@@ -152,6 +152,23 @@ def test_rows_of_timing_and_those_that_went_wrong_beside_another_run_alone_and_t
     assert not results[2].first_failure
 
 
+def test_rows_that_went_wrong_beside_many_are_run_beside_half_as_many_and_only_then_alone():
+    yard, told = Yard(robots=4), []
+    jobs = [
+        yard.job("a", "LATE", "ok"),
+        yard.job("b", "WRONG", "LATE", "ok"),
+        yard.job("c", "ok"),
+        yard.job("d", "ok"),
+    ]
+    results = faults._run_all(jobs, 4, StallMonitor(), told.append)
+    assert [result.verdict for result in results] == ["ok"] * 4
+    assert [result.platform for result in told[2:]] == ["a", "b"]
+    assert len(yard.seen) == 4 + 2 + 1
+    assert max(len(running) for running, _ in yard.seen[4:]) <= 2
+    assert results[0].first_failure.startswith("beside others, LATE")
+    assert results[1].first_failure.startswith("beside others, WRONG")
+
+
 def test_a_row_that_is_wrong_alone_too_is_wrong():
     jobs = [faults.Job(lambda *_: answer("LATE"))]
     assert [result.verdict for result in faults._run_all(jobs, 2, StallMonitor(), lambda _: None)] == ["LATE"]

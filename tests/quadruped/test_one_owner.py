@@ -13,6 +13,7 @@ from adatracker_deploy.core.messages import Twist
 from adatracker_quadruped.adapter.lease import SETTLE_S, Lease
 from adatracker_quadruped.platform import QuadrupedPlatform
 from adatracker_quadruped.protocol.connection import Connection
+from adatracker_quadruped.protocol.keys import Keys
 from adatracker_quadruped.protocol.session import open_session
 from tests.quadruped.rehearsal import connected, send_for, simulator
 from tests.quadruped.routers import free_port, robot, until
@@ -128,6 +129,12 @@ def test_a_second_owner_that_appears_while_walking_latches_and_an_engage_is_refu
             send_for(platform, Twist(vx=0.5), 2.0)
         with pytest.raises(PlatformError, match="another host holds adatracker/host: end it first"):
             platform.engage()
+        keys = Keys(profile.connection)
+        heard = session.declare_subscriber(keys.command, zenoh.handlers.FifoChannel(64))
+        platform.hold("too late")
+        platform.disengage()
+        assert heard.try_recv() is None
+        heard.undeclare()
         token.undeclare()
         until(lambda: engages(platform))
 

@@ -33,6 +33,13 @@ def test_a_fit_robot_passes_and_every_check_says_what_was_found():
     assert len(checks) == 7
 
 
+def test_where_commands_carry_their_time_the_clocks_must_agree():
+    stamped = Connection(command="twist_stamped")
+    assert list(failed(stamped, clock_ahead_s=60.0)) == ["clocks"]
+    assert failed(stamped, clock_ahead_s=0.01) == {}
+    assert failed(clock_ahead_s=60.0) == {}  # a plain Twist carries none
+
+
 @pytest.mark.parametrize(
     ("changes", "name", "says"),
     [

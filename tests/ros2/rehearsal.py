@@ -63,6 +63,17 @@ def publisher(connection, name, topic, type_name, **qos):
         yield made
 
 
+@contextlib.contextmanager
+def listener(connection, name, topic, type_name):
+    """A node that hears a topic; gives the list of what has come."""
+    heard = []
+    with node(connection, name) as participant:
+        lossless = ros_qos(Qos(reliability="reliable", depth=100))
+        participant.node.create_subscription(TYPES[type_name], topic, heard.append, lossless)
+        participant.start()
+        yield heard
+
+
 def send_while(platform, command, wanted):
     """Send at 50 Hz, as the link does, while a condition holds; fail where that lasts too long."""
     clock, give_up_s = platform.clock, time.monotonic() + PATIENCE_S

@@ -13,7 +13,16 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed: pip install 'adatra
 from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.messages import Twist
 from adatracker_ros2.protocol.topics import TWIST, Topics
-from tests.ros2.rehearsal import adapter, publisher, rehearsed, send_while, simulator, until
+from tests.race import owners, race
+from tests.ros2.rehearsal import (
+    adapter,
+    listener,
+    publisher,
+    rehearsed,
+    send_while,
+    simulator,
+    until,
+)
 
 CRUISE = Twist(vx=0.5)
 
@@ -59,6 +68,23 @@ def test_a_publisher_that_appears_stops_the_robot_and_the_stop_latches(robot):
         assert not platform.state().stopped
 
 
+def test_whoever_takes_a_robot_that_is_held_has_it(robot):
+    """Between a trial's stop and its end the robot is not driven, and somebody may take it over."""
+    topic = Topics(robot.connection).command
+    with adapter(robot) as platform, listener(robot.connection, "listener", topic, TWIST) as heard:
+        platform.connect()
+        platform.engage()
+        send_while(platform, CRUISE, lambda: platform.state().velocity.vx < 0.4 or not heard)
+        platform.hold("the trial is over")
+        with teleop(robot):
+            until(lambda: platform.state().taken_over)
+            until(lambda: heard[-1].linear.x == 0.0)
+            heard.clear()
+            platform.disengage()
+            platform.close()
+    assert heard == []
+
+
 HOST = """
 import json
 import sys
@@ -99,6 +125,21 @@ def test_another_program_on_this_machine_cannot_have_the_same_robot(robot):
         platform.connect()
         with pytest.raises(PlatformError, match="driven by another program on this machine"):
             second.connect()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("elsewhere", [(), ("--elsewhere",)], ids=["one machine", "two machines"])
+def test_of_two_that_start_at_once_never_both_have_the_robot(robot, elsewhere, measured, exhaustive):
+    own = dataclasses.asdict(robot.connection)
+    connection = {name: own[name] for name in ("domain", "discovery", "rehearsal_token")}
+    results = race("ros2", connection, "--preflight", *elsewhere, starts=50 if exhaustive else 5)
+    counts = [len(owners(result)) for result in results]
+    where = "on two machines" if elsewhere else "on one machine"
+    measured(f"two starts at once for a ROS 2 robot, {where}: owners {sorted(set(counts))} of {len(counts)}")
+    assert max(counts) <= 1, results
+    assert elsewhere or counts == [1] * len(counts), results
+    refused = [said for result in results for said in result if said != "owner"]
+    assert all("publishes to" in said or "another program" in said for said in refused), refused
 
 
 def test_no_name_of_a_rehearsal_is_one_that_a_robot_has(robot):

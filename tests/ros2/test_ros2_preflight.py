@@ -73,6 +73,13 @@ def test_a_robot_whose_driver_is_not_asked_is_taken_at_its_profiles_word():
     assert check.name == "command time-out"
 
 
+def test_where_commands_carry_their_time_the_clocks_must_agree():
+    stamped = dataclasses.replace(ASKED, command="twist_stamped")
+    assert [check.name for check in bad(stamped, clock_ahead_s=60.0)] == ["clocks"]
+    assert bad(stamped, clock_ahead_s=0.01) == []
+    assert bad(clock_ahead_s=60.0) == []  # a plain Twist carries none
+
+
 def lens(fov_deg=None, **heard):
     checks = judge(dataclasses.replace(GOOD, **heard), ASKED, fov_deg)
     return next((check for check in checks if check.name == "lens"), None)

@@ -66,8 +66,10 @@ def test_a_whole_drive_through_the_process(link, clock):
     assert any("holding" in event.message for event in link.drain_events())
 
 
-def test_an_interrupt_while_it_starts_does_not_reach_it(link):
-    os.kill(link.pid, signal.SIGINT)  # as a terminal tells its whole group of Ctrl-C
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP], ids=lambda number: number.name)
+def test_what_a_terminal_tells_its_group_while_it_starts_does_not_reach_it(link, number):
+    """Of Ctrl-C and of a lost line, which a run may outlive, the tracker alone decides."""
+    os.kill(link.pid, number)
     (check,) = link.connect()
     assert check.ok
 

@@ -23,9 +23,10 @@ class SlowToEngage(FakePlatform):
     def __init__(self, profile, clock) -> None:
         super().__init__(profile, clock)
         self.told: list[str] = []
-        self.begins, self.goes_on = threading.Event(), threading.Event()
+        self.asked, self.begins, self.goes_on = (threading.Event() for _ in range(3))
 
     def engage(self):
+        self.asked.set()
         self.goes_on.wait(5)  # the moment between a link's decision to engage and the adapter's own
         self.told.append("engage")
         with self._lock:
@@ -77,6 +78,19 @@ def test_a_stop_that_is_quicker_than_the_engage_it_ends_still_ends_it(stop):
     rig.platform.goes_on.set()
     eventually(lambda: rig.link.status.phase is Phase.DONE)
     assert "engage" not in rig.platform.told or rig.platform.told[-1] == "disengage"
+    assert not rig.platform._consent
+
+
+@pytest.mark.parametrize("stop", ["hold", "disengage"])
+def test_a_stop_before_the_adapter_begins_to_engage_is_repeated_until_it_has_ended(stop):
+    rig = threaded(SlowToEngage)
+    rig.link.engage()
+    assert rig.platform.asked.wait(5)
+    getattr(rig.link, stop)("enough")
+    eventually(lambda: "disengage" in rig.platform.told)
+    rig.platform.goes_on.set()
+    eventually(lambda: "engage" in rig.platform.told)  # which undoes that stop
+    eventually(lambda: rig.platform.told[-1] == "disengage" and rig.link.status.phase is Phase.DONE)
     assert not rig.platform._consent
 
 

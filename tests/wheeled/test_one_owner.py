@@ -89,6 +89,25 @@ def test_somebody_elses_command_takes_the_base_over_for_good(frame):
         assert tap.commands() == []
 
 
+@pytest.mark.parametrize("taker", ["commander", "remote control"])
+def test_whoever_takes_a_base_that_is_held_has_it(taker):
+    """Between a trial's stop and its end the robot is not driven, and somebody may take it over."""
+    with tapped() as (platform, simulator, tap):
+        platform.engage()
+        send_for(platform, AHEAD, 0.3)
+        platform.hold("the trial is over")
+        if taker == "commander":
+            tap.send(*THEIRS)
+            until(lambda: not control(platform).ok)
+        else:
+            simulator.inject("remote")
+            until(lambda: platform.state().mode == "remote control")
+        tap.frames()
+        platform.disengage()
+        platform.close()
+        assert tap.commands() == []
+
+
 def test_the_simulated_rival_is_noticed_too():
     with drive() as (platform, simulator):
         platform.engage()

@@ -142,6 +142,7 @@ class QuadrupedAdapter(Platform):
                 raise PlatformError(f"not engaged: {self._stopped or 'engage first'}")
             if why := self._pause(now_ns) or self._trouble(wire):
                 self._stopped, self._engaged = why, False  # in this order, for who reads without the lock
+                self._in_charge = not wire.lease.lost()  # another owner's robot gets one zero and no more
                 wire.commander.walk(ZERO, time.time_ns())
                 wire.lease.release()  # who was cut off for long is not the owner that others have seen
                 raise PlatformError(why)
@@ -201,7 +202,7 @@ class QuadrupedAdapter(Platform):
         def stands() -> bool:
             reading = wire.watch.odometry.newest
             seen = reading is not None and reading.t_ns > asked_ns and _at_rest(reading.value.velocity)
-            return seen or not self._may_stop(wire)
+            return seen or self._engaged or self._wire is not wire
 
         if not until(stands, time.monotonic() + _REST_TIMEOUT_S):
             raise PlatformError(
@@ -264,8 +265,8 @@ class QuadrupedAdapter(Platform):
         return wire
 
     def _may_stop(self, wire: Wire) -> bool:
-        """Return whether nobody engaged again or closed meanwhile."""
-        return not self._engaged and self._wire is wire
+        """Return whether the robot is still this side's, and nobody engaged again or closed meanwhile."""
+        return self._in_charge and not self._engaged and self._wire is wire
 
     def _send_zeros(self, wire: Wire) -> None:
         for _ in range(_ZEROS):

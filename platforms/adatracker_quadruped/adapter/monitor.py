@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 import threading
+import time
 from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 import zenoh
 
 from adatracker_deploy.core.stamps import StampOrder
 from adatracker_deploy.perception.zenoh_graph import is_ours
+from adatracker_deploy.runtime.robot_clock import clock_ahead_s
 from adatracker_quadruped.adapter.subscriber import Subscriber
 from adatracker_quadruped.protocol.cdr import SMALL_CAP_BYTES
 from adatracker_quadruped.protocol.keys import Keys
@@ -73,6 +75,13 @@ class RobotMonitor:
         """Return the machine's seconds since the newest odometry; infinite before the first."""
         newest = self.odometry.newest
         return (self._clock.now_ns() - newest.t_ns) / 1e9 / self._clock.speed if newest else math.inf
+
+    def clock_ahead_s(self) -> float | None:
+        """Compare this machine's clock with the newest odometry's stamp (`robot_clock`)."""
+        newest = self.odometry.newest
+        if newest is None:
+            return None
+        return clock_ahead_s(newest.value.stamp_ns, time.time_ns() - round(self.odometry_age_s() * 1e9))
 
     def meant(self) -> bool:
         """Return whether this is the right robot; in a rehearsal only the one that it has started is."""

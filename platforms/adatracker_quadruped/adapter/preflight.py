@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from adatracker_deploy.platform import Check
+from adatracker_deploy.runtime.robot_clock import clocks_check
 
 if TYPE_CHECKING:
     from adatracker_quadruped.protocol.connection import Connection
@@ -38,6 +39,8 @@ class RobotTelemetry:
     camera_key: str
     """Empty when the camera is not the robot's."""
     camera_heard: bool
+    clock_ahead_s: float | None = None
+    """By its odometry's stamps, as `robot_clock.clock_ahead_s` returns it."""
     dropped: int
     """Messages that were malformed."""
 
@@ -51,6 +54,7 @@ def judge(heard: RobotTelemetry, connection: Connection) -> tuple[Check, ...]:
         _upright(heard),
         _battery(heard, connection),
         _own_timeout(connection),
+        *((clocks_check(heard.clock_ahead_s),) if connection.command == "twist_stamped" else ()),
         *((_camera(heard),) if heard.camera_key else ()),
     )
     if heard.dropped:

@@ -44,6 +44,7 @@ def survey(wire: Wire, camera_key: str) -> RobotTelemetry:
         battery=watch.battery.newest.value if watch.battery and watch.battery.newest else None,
         camera_key=camera_key,
         camera_heard=camera_heard,
+        clock_ahead_s=watch.clock_ahead_s(),
         dropped=sum(tap.dropped for tap in taps),
     )
 

@@ -206,7 +206,7 @@ class Ros2Adapter(Platform):
         def stands() -> bool:
             reading = wire.watch.odometry.newest
             seen = reading is not None and reading.t_ns > asked_ns and _at_rest(reading.value.velocity)
-            return seen or not self._may_stop(wire)
+            return seen or self._engaged or self._taken or self._wire is not wire
 
         if not until(stands, time.monotonic() + _REST_TIMEOUT_S):
             raise PlatformError(
@@ -254,15 +254,16 @@ class Ros2Adapter(Platform):
         return f"no command for {paused_s:.2f} s: the robot has stopped by itself" if over else ""
 
     def _yield(self) -> None:
-        """Leave the robot, after one zero, to its other commander; called from the node's thread."""
+        """Leave the robot to its other commander, after one zero if it is driven; in the node's thread."""
         with self._steering:
-            wire = self._wire
-            if wire is None or not self._engaged:
+            wire, driven = self._wire, self._engaged
+            if wire is None or not self._in_charge:
                 return
             self._taken, self._stopped = True, wire.ownership.rival()
             self._engaged = self._in_charge = False
-            with contextlib.suppress(PlatformError):
-                wire.commander.drive(ZERO, time.time_ns())
+            if driven:
+                with contextlib.suppress(PlatformError):
+                    wire.commander.drive(ZERO, time.time_ns())
 
     def _withdraw(self, reason: str) -> None:
         self._stops += 1
@@ -285,8 +286,8 @@ class Ros2Adapter(Platform):
         return wire
 
     def _may_stop(self, wire: Wire) -> bool:
-        """Return whether nobody engaged again or closed meanwhile."""
-        return not self._engaged and self._wire is wire
+        """Return whether the robot is still this side's, and nobody engaged again or closed meanwhile."""
+        return self._in_charge and not self._engaged and self._wire is wire
 
     def _send_zeros(self, wire: Wire) -> None:
         for _ in range(_ZEROS):

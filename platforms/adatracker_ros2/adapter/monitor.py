@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import time
 from functools import partial
 from typing import TYPE_CHECKING
 
+from adatracker_deploy.runtime.robot_clock import clock_ahead_s
 from adatracker_ros2.adapter.subscriber import Fresh, Subscriber
 from adatracker_ros2.protocol.connection import Qos
 from adatracker_ros2.protocol.messages import (
@@ -82,6 +84,13 @@ class RobotMonitor:
         """Return the machine's seconds since the newest odometry; infinite before the first."""
         newest = self.odometry.newest
         return (self._clock.now_ns() - newest.t_ns) / 1e9 / self._clock.speed if newest else math.inf
+
+    def clock_ahead_s(self) -> float | None:
+        """Compare this machine's clock with the newest odometry's stamp (`robot_clock`)."""
+        newest = self.odometry.newest
+        if newest is None:
+            return None
+        return clock_ahead_s(newest.value.stamp_ns, time.time_ns() - round(self.odometry_age_s() * 1e9))
 
     def trouble(self) -> str:
         """Return why the robot must not be driven any further; empty while it may."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from adatracker_deploy.platform import Check
+from adatracker_deploy.runtime.robot_clock import clocks_check
 
 if TYPE_CHECKING:
     from adatracker_deploy.core.camera_info import CameraInfo
@@ -48,6 +49,8 @@ class RobotTelemetry:
     camera_info_came: bool = False
     lens: CameraInfo | None = None
     """By camera_info; None if it did not come, or says that the camera is not calibrated."""
+    clock_ahead_s: float | None = None
+    """By its odometry's stamps, as `robot_clock.clock_ahead_s` returns it."""
     dropped: int
     """Messages that were malformed."""
 
@@ -66,6 +69,7 @@ def judge(heard: RobotTelemetry, connection: Connection, fov_deg: float | None =
         _odometry(heard, connection),
         _battery(heard, connection),
         _told_timeout(heard, connection) if connection.timeout_parameter else _own_timeout(connection),
+        *((clocks_check(heard.clock_ahead_s),) if connection.command == "twist_stamped" else ()),
         *((_lifecycle(heard, connection),) if connection.lifecycle else ()),
         *((_camera(heard),) if heard.camera_topic else ()),
         *((_lens(heard, fov_deg),) if heard.camera_info_topic else ()),

@@ -50,6 +50,7 @@ def survey(wire: Wire, camera_topic: str) -> RobotTelemetry:
         camera_info_topic=lens.topic if lens else "",
         camera_info_came=bool(lens and lens.newest),
         lens=lens.newest.value if lens and lens.newest else None,
+        clock_ahead_s=watch.clock_ahead_s(),
         dropped=wire.dropped,
     )
 

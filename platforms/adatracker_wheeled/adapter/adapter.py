@@ -242,11 +242,18 @@ class WheeledAdapter(Platform):
                 self._closing = False
 
     def _watch(self) -> None:
-        """Stop as soon as a stop cause is received; called from the receive thread."""
+        """Stop as soon as a stop cause is received, and leave a base that is held to whoever takes it.
+
+        Called from the receive thread.
+        """
         with self._authority.lock:
             wire = self._authority.wire
-            if wire is not None and self._authority.engaged:
+            if wire is None:
+                return
+            if self._authority.engaged:
                 self._authority.heed(wire.trouble(self.clock.now_ns()))
+            elif self._authority.held and (found := wire.taken()):
+                self._authority.heed(found)
 
     def _found(self, wire: Wire, now_ns: int) -> StopCause | None:
         """Check the base and other senders: a base that has stopped by itself is not restarted."""

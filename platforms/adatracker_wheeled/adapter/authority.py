@@ -37,6 +37,11 @@ class ControlAuthority:
         """Number of revocations, whether or not there was consent."""
         self._consent = False
 
+    @property
+    def held(self) -> bool:
+        """The base was stopped, and is still to be disabled by this side."""
+        return self.in_charge and not self._consent
+
     def give_consent(self, withdrawals: int) -> None:
         """Allow commands; clears the reason for the last stop.
 

@@ -12,7 +12,7 @@ from adatracker_deploy.core.messages import ZERO
 from adatracker_deploy.runtime.charge import ChargeMark
 from adatracker_deploy.runtime.ownership import Claim
 from adatracker_deploy.runtime.suspend import SuspendWatch
-from adatracker_wheeled.adapter.receiver import BaseTelemetry, Receiver, StopCause, rival, trouble
+from adatracker_wheeled.adapter.receiver import BaseTelemetry, Receiver, StopCause, rival, trouble, unfit
 from adatracker_wheeled.adapter.traffic import Traffic
 from adatracker_wheeled.adapter.transmitter import Transmitter
 from adatracker_wheeled.protocol.bus import Bus
@@ -106,6 +106,15 @@ class Wire:
         if why := self._suspends.trouble():
             return StopCause(why)
         return rival(self.heard, self._driven_ns)
+
+    def taken(self) -> StopCause | None:
+        """Return who has taken a base that is not driven at present: another host, or a remote control.
+
+        Its mode alone says nothing: it may not have carried out the last request yet.
+        """
+        status = self.heard.status
+        found = rival(self.heard, self._driven_ns) or (unfit(status) if status is not None else None)
+        return found if found is not None and found.taken else None
 
     def rival(self) -> StopCause | None:
         """Return the trouble with somebody else who has commanded the base lately."""
