@@ -11,6 +11,7 @@ import signal
 import socket
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -154,6 +155,15 @@ def test_the_exact_versions_have_hashes_name_no_index_and_leave_out_torch():
     assert {"mavsdk", "eclipse-zenoh", "python-can", "onnxruntime", "mujoco"} <= set(names)
     assert "torch" not in names
     assert "onnxruntime-gpu" not in names
+
+
+def test_every_extra_is_tried_alone_in_ci():
+    root = DEPLOY.parent
+    extras = tomllib.loads((root / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    tried = set(
+        re.findall(r"\benvironment ([a-z0-9]+)$", (root / ".ci/extras").read_text().replace(";", "\n"), re.M)
+    )
+    assert extras.keys() - tried == {"all", "dev", "docs"}  # sets of others, and what only developers need
 
 
 @pytest.mark.parametrize(

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.core.camera import ROBOT, scene_of, without_password
-from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.camera import OPEN_TIMEOUT_S, ROBOT, scene_of, without_password
+from adatracker_deploy.core.errors import PlatformError, UsageError
 from adatracker_deploy.perception.live import NO_STAMPS, LiveCamera
 from adatracker_deploy.perception.sources import open_source
 
@@ -20,6 +21,11 @@ if TYPE_CHECKING:
     from adatracker_deploy.core.clock import Clock
     from adatracker_deploy.core.geometry import Pose
     from adatracker_deploy.perception.world_camera import WorldCamera
+
+
+FIRST_PICTURE_S = 20.0
+"""For a rehearsal's first picture. The process that draws it begins with the rehearsal, and on a slow or busy
+computer, or after an installation, when all is compiled first, that takes longer than a camera may."""
 
 
 def open_camera(  # noqa: PLR0917 -- each is another's, and all are needed
@@ -49,10 +55,14 @@ def open_camera(  # noqa: PLR0917 -- each is another's, and all are needed
     if scene_of(uri) is not None:
         return _virtual_camera(plan, profile, pose, clock, stack)
     profile = replace(profile, camera=replace(profile.camera, uri=uri))
-    camera = plan.platform.camera(profile, clock) if uri.startswith(ROBOT) else open_source(uri, clock)
+
+    def camera_there() -> Camera:
+        if uri.startswith(ROBOT):
+            return plan.platform.camera(profile, clock)
+        return open_source(uri, clock)
+
     tell(f"opening the camera {without_password(uri)}")
-    stack.callback(camera.close)
-    camera.open()
+    camera = opened(camera_there, stack, FIRST_PICTURE_S if plan.sitl else 0.0)
     if isinstance(camera, LiveCamera) and camera.hides_delay:
         tell(f"warning: camera {camera.name}: {NO_STAMPS}")
     if plan.segmenter.needs_truth:
@@ -63,6 +73,27 @@ def open_camera(  # noqa: PLR0917 -- each is another's, and all are needed
                 "truth that a rehearsal's camera sends: try --segmenter embedded"
             )
     return camera
+
+
+def opened(make: Callable[[], Camera], stack: contextlib.ExitStack, patience_s: float) -> Camera:
+    """Open a camera, which `stack` closes; one that is silent is opened again for `patience_s`.
+
+    Raises:
+        UsageError, PlatformError: as `Camera.open`.
+    """
+    end_s = time.monotonic() + patience_s
+    while True:
+        camera = make()
+        stack.callback(camera.close)
+        begun_s = time.monotonic()
+        try:
+            camera.open()
+        except PlatformError:
+            now_s = time.monotonic()
+            if now_s - begun_s < OPEN_TIMEOUT_S or now_s > end_s:  # it said what is wrong, or had its time
+                raise
+        else:
+            return camera
 
 
 def virtual_person(plan: TrialPlan) -> str:

@@ -9,6 +9,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from adatracker_deploy.cli.extras import need
 from adatracker_deploy.cli.ranges import real
 from adatracker_deploy.cli.seeing import add_provider_option, add_segmenter_options, providers_of
 from adatracker_deploy.core.errors import PlatformError, UsageError
@@ -117,6 +118,8 @@ class _Examination:
 
         if args.platform is None and (args.sitl or args.profile):
             raise UsageError("--sitl and --profile need a robot: name it with --platform")
+        robot = [args.platform] if args.platform else []
+        need([*robot, *(["sitl"] if args.sitl else ())], "doctor")
         if args.camera:
             check_uri(args.camera)
         self._args = args

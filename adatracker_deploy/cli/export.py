@@ -79,10 +79,12 @@ def run(args: argparse.Namespace) -> int:
 def _write_lerobot(paths: list[Path], out: Path, task: str | None) -> int:
     from adatracker_deploy.report.lerobot.write import TASK, write_lerobot
     from adatracker_deploy.trial.reader import find_trials, read_trial
+    from adatracker_deploy.trial.search import each_once
 
     if task is not None and not (task.strip() and task.isprintable()):
         raise UsageError("--task: expected a line of words")
-    trials = [read_trial(trial) for path in paths for trial in find_trials(path)]
+    found = each_once((trial for path in paths for trial in find_trials(path)), set())
+    trials = [read_trial(trial) for trial in found]
     written = write_lerobot(trials, out, task or TASK)
     print(
         f"{written.trials} of {len(trials)} trials: {written.episodes} episodes, {written.rows} rows; "

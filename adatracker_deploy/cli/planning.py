@@ -44,7 +44,7 @@ def plans_of(args: argparse.Namespace) -> list[TrialPlan]:
         raise UsageError(
             "several platforms are rehearsed with their own profiles: add --sitl, drop --profile"
         )
-    need(_extras(args, names), f"--platform {args.platform}{' --sitl' if args.sitl else ''}")
+    need(_extras(args, names), "this run")
     plans = [_plan(args, name) for name in names]
     if args.live is not None:
         live_port = choose_port(args.live)  # the same for all trials: a viewer finds the next one by itself

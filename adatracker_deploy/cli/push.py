@@ -46,13 +46,17 @@ def run(args: argparse.Namespace) -> int:
     """
     from adatracker_deploy.hub.address import parse_address
     from adatracker_deploy.hub.client import publish, read_file
-    from adatracker_deploy.publishing.gather import INDEX_NAME, policy_files, trial_files
+    from adatracker_deploy.publishing.gather import INDEX_NAME, policy_files, trial_files, trials_in
 
     address = parse_address(args.address)
     need(["hub"], "push")
     if address.kind == "model":
         if len(args.what) > 1:
             raise UsageError(f"{address}: takes one policy; trials go to hf://datasets/OWNER/NAME")
+        if trials_in(Path(args.what[0])):
+            raise UsageError(
+                f"{args.what[0]}: is a trial, or holds some: they go to hf://datasets/OWNER/NAME"
+            )
         for option in ("licence", "with_pictures"):
             if getattr(args, option):
                 raise UsageError(f"--{option.replace('_', '-')} is for trials: hf://datasets/OWNER/NAME")

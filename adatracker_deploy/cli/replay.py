@@ -32,7 +32,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument(
         "--policy", metavar="NAME|DIR|URI", help="re-run this policy (default: the one that the log names)"
     )
-    add_provider_option(parser, of="the policy")
+    add_provider_option(parser, segmenter=False)
     parser.add_argument(
         "--profile",
         metavar="NAME|FILE",

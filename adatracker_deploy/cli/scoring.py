@@ -71,7 +71,7 @@ def add_scoring_options(parser: argparse.ArgumentParser) -> None:
 
 
 def gather(paths: Sequence[Path], args: argparse.Namespace, *, boxes: bool = False) -> list[Summary]:
-    """Score everything that the paths name; bad ones get a line on stderr, and the others are scored.
+    """Score everything that the paths name, once; bad ones get a line on stderr, and the others are scored.
 
     Args:
         paths: trials, box files, folders of either.
@@ -82,10 +82,12 @@ def gather(paths: Sequence[Path], args: argparse.Namespace, *, boxes: bool = Fal
         UsageError: nothing could be scored.
     """
     from adatracker_deploy.scoring.sources import find_box_files, find_sources, summarise_source
+    from adatracker_deploy.trial.search import each_once
 
     rules, options = _rules(args), _box_options(args)
     summaries: list[Summary] = []
     errors: list[UsageError] = []
+    seen: set[Path] = set()
     for path in _without_flags(paths):
         try:
             found = find_box_files(path) if boxes else find_sources(path)
@@ -94,7 +96,7 @@ def gather(paths: Sequence[Path], args: argparse.Namespace, *, boxes: bool = Fal
             continue
         if args.absent is not None and (len(found) > 1 or len(paths) > 1):
             raise UsageError("--absent is for one file of boxes; of several, each has its own beside it")
-        for source in found:
+        for source in each_once(found, seen):
             try:
                 summaries.append(summarise_source(source, rules, options, boxes=boxes))
             except UsageError as error:

@@ -38,13 +38,14 @@ def add_segmenter_options(group: argparse._ActionsContainer, default: str) -> No
     )
 
 
-def add_provider_option(group: argparse._ActionsContainer, of: str = "policy and segmenter") -> None:
-    """Add where networks run."""
+def add_provider_option(group: argparse._ActionsContainer, *, segmenter: bool = True) -> None:
+    """Add where the networks of the policy run, and those of a segmenter."""
+    of, own = (" and the segmenter", "; for your own segmenter, as in its .yaml") if segmenter else ("", "")
     group.add_argument(
         "--provider",
         choices=PROVIDERS,
-        help=f"where the networks of {of} run; an error where it is unavailable (default: cpu; for your own "
-        "segmenter, as in its .yaml)",
+        help=f"where the networks of the policy{of} run; an error where it is unavailable "
+        f"(default: cpu{own})",
     )
 
 

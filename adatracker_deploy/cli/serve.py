@@ -23,9 +23,12 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         description="Serve a policy by openpi's protocol; robots use it with --policy ws://HOST:PORT. "
         f"With {TOKEN} in the environment, only clients that send the same token are served.",
     )
-    add_provider_option(parser, of="the policy")
+    add_provider_option(parser, segmenter=False)
     parser.add_argument(
-        "--policy", metavar="NAME|DIR", default=DEFAULT, help="the policy (default: %(default)s)"
+        "--policy",
+        metavar="NAME|DIR|URI",
+        default=DEFAULT,
+        help="the policy; hf://OWNER/NAME@REVISION: on the Hugging Face Hub (default: %(default)s)",
     )
     parser.add_argument(
         "--host",

@@ -10,9 +10,10 @@ from adatracker_deploy.policy.catalogue import PID, find_bundle, is_remote
 from adatracker_deploy.policy.onnx_policy import OnnxPolicy
 from adatracker_deploy.publishing.card import as_csv, merged, policy_card, trials_card
 from adatracker_deploy.scoring.index import COLUMNS, index
-from adatracker_deploy.trial.folder import CONFIG_NAME, FILE_NAME, SUMMARY_NAME
+from adatracker_deploy.trial.folder import CONFIG_NAME, FILE_NAME, PART_NAME, SUMMARY_NAME
 from adatracker_deploy.trial.marks import marks_path
 from adatracker_deploy.trial.reader import find_trials, read_trial
+from adatracker_deploy.trial.search import search
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,6 +41,12 @@ def policy_files(name_or_dir: str, address: HubAddress) -> Files:
     text = card.read_text(encoding="utf-8") if card.is_file() else ""
     files: Files = {name: bundle.folder / name for name in (MANIFEST_NAME, *bundle.manifest.files)}
     return files | {README_NAME: policy_card(bundle.manifest, text, str(address)).encode()}
+
+
+def trials_in(path: Path) -> bool:
+    """Return whether a path is a trial's file or a folder with trials in or below it."""
+    named = {FILE_NAME, PART_NAME}
+    return path.name in named or bool(path.is_dir() and search(path, named.__contains__).files)
 
 
 def trial_files(

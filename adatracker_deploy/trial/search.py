@@ -1,4 +1,4 @@
-"""Finds files in and below a folder; unreadable folders are reported, not taken as empty."""
+"""Finds files in and below folders: each once, and unreadable folders are reported, not taken as empty."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from adatracker_deploy.trial.folder import FILE_NAME, PART_NAME
+
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
 
 
 class Found(NamedTuple):
@@ -32,3 +34,17 @@ def search(folder: Path, wanted: Callable[[str], bool]) -> Found:
         if wanted(name)
     ]
     return Found(sorted(files), sorted(refused))
+
+
+def each_once(paths: Iterable[Path], seen: set[Path]) -> list[Path]:
+    """Return the paths that name no trial or file in `seen`, and add what they name to it.
+
+    A trial may be named by its folder, its file, or both: ``score trials trials/THE_LAST_ONE``.
+    """
+    fresh = []
+    for path in paths:
+        named = (path.parent if path.name in (FILE_NAME, PART_NAME) else path).resolve()
+        if named not in seen:
+            seen.add(named)
+            fresh.append(path)
+    return fresh

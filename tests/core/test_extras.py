@@ -61,7 +61,9 @@ def test_this_package_is_installed_and_a_package_that_nobody_has_is_not():
         (["--platform", "wheeled"], "[wheeled]"),
         (["--platform", "wheeled", "--policy", "ws://gpu:8000"], "[remote,wheeled]"),
         (["--platform", "wheeled", "--policy", "hf://lab/follower"], "[hub,wheeled]"),
+        (["--platform", "wheeled", "--teleop"], "[teleop,wheeled]"),
         (["serve"], "[remote]"),
+        (["doctor", "--platform", "ros2", "--sitl"], "[ros2,sitl]"),
     ],
 )
 def test_a_run_names_all_that_it_lacks(monkeypatch, capsys, arguments, asked):

@@ -38,9 +38,13 @@ class SerialCable:
             if self._near in ready and (data := os.read(self._near, 4096)) and autopilot is not None:
                 self.carried["to the autopilot"] += self._socket.sendto(data, autopilot)
 
-    def close(self):
+    def pull(self):
+        """Carry nothing more, either way; the port itself stays."""
         self._cut.set()
         self._thread.join()
+
+    def close(self):
+        self.pull()
         self._socket.close()
         os.close(self._near)
         os.close(self._far)

@@ -126,6 +126,8 @@ def test_what_cannot_be_published_is_refused_and_nothing_is_made(owner, capsys, 
     assert "has no bundle" in refusal(capsys, "ws://gpu:8000", "hf://lab/x")
     assert "is no address on the Hub" in refusal(capsys, tmp_path / "mine", "lab/x")
     assert "takes one policy" in refusal(capsys, trial, trial, "hf://lab/x")
+    assert "go to hf://datasets/" in refusal(capsys, trial, "hf://lab/x")
+    assert "go to hf://datasets/" in refusal(capsys, tmp_path / "trials", "hf://lab/x")
     assert "is for trials" in refusal(capsys, tmp_path / "mine", "hf://lab/x", "--licence", "MIT")
     assert "say which with --licence" in refusal(capsys, trial, "hf://datasets/lab/x")
     assert "no trials in it" in refusal(capsys, tmp_path / "mine", "hf://datasets/lab/x", *licence)

@@ -81,6 +81,12 @@ def test_every_row_is_a_tick_of_the_log(tmp_path, capsys):
     ]
 
 
+def test_a_trial_that_is_named_several_times_is_written_once(tmp_path):
+    log = a_trial(tmp_path / "trials", [a_step(number) for number in range(4)])
+    info = exported(log, tmp_path / "trials", log / "trial.mcap", out=tmp_path / "set")
+    assert (info["total_episodes"], info["total_frames"]) == (1, 3)
+
+
 def test_pictures_are_the_logs_and_masks_are_so_to_the_pixel(tmp_path):
     folder = a_trial(tmp_path, [a_step(number, frame_seq=40 * number) for number in range(5)])
     info = exported(folder, out=tmp_path / "set")

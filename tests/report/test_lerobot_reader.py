@@ -13,7 +13,7 @@ import pytest
 
 from adatracker_deploy.cli import main
 from adatracker_deploy.core.mask_png import PALETTE
-from adatracker_deploy.core.messages import Frame, Twist
+from adatracker_deploy.core.messages import ZERO, Frame, Twist
 from adatracker_deploy.trial.reader import find_trials, read_trial
 from tests.trial.records import START_NS, TICK_NS, a_log, a_step, an_observation
 
@@ -60,10 +60,10 @@ def a_view(number):
 
 @pytest.fixture
 def trial(tmp_path):
-    """A trial of ten ticks with a gap in the middle."""
+    """A trial of ten ticks with a gap in the middle, and a command that a newer one replaced behind it."""
     with a_log(tmp_path / "trials", steps=9) as log:
         for number in range(10):
-            sent = Twist(vx=0.1 * number, yaw_rate=-0.05 * number)
+            sent = None if number == 7 else Twist(vx=0.1 * number, yaw_rate=-0.05 * number)
             log.step(
                 a_step(number, sent=sent, stale=number == 5), a_view(number), an_observation(number, 64, 48)
             )
@@ -72,12 +72,18 @@ def trial(tmp_path):
     return log.folder
 
 
+def went_out(steps, number):
+    """What the link sent in a tick; where a newer command replaced the tick's, what it went on sending."""
+    *_, last = ZERO, *(step.sent for step in steps if step.step <= number and step.sent is not None)
+    return [last.vx, last.vy, last.vz, last.yaw_rate]
+
+
 def is_the_logs(found, logged):
     """Check that every row lerobot read is its tick of the log."""
     steps = {step.step: step for step in logged.steps}
     frames = {frame.seq: frame for frame in logged.frames()}
     ticks = [steps[tick] for tick in found["trial.tick"].tolist()]
-    sent = [[tick.sent.vx, tick.sent.vy, tick.sent.vz, tick.sent.yaw_rate] for tick in ticks]
+    sent = [went_out(logged.steps, tick.step) for tick in ticks]
     assert np.array_equal(found["action"], np.array(sent, np.float32))
     assert found["statistics/action/mean"] == pytest.approx(np.mean(sent, axis=0))
     boxes = [

@@ -51,6 +51,15 @@ def test_folders_of_trials_are_searched_and_averaged(capsys, trials):
     assert scored["std"]["mr"] == pytest.approx(0.125**0.5)
 
 
+def test_a_trial_that_is_named_several_times_is_scored_once(capsys, trials, tmp_path, monkeypatch):
+    (tmp_path / "link").symlink_to(trials / "a")
+    monkeypatch.chdir(trials)
+    (file,) = (trials / "b").rglob("trial.mcap")
+    named = trials, "a", file, tmp_path / "link"
+    _, out, err = score(capsys, *named, "--json")
+    assert ([trial["mr"] for trial in json.loads(out)["trials"]], err) == ([1.0, 0.5], "")
+
+
 def test_the_table_names_each_trial(capsys, trials):
     status, out, _ = score(capsys, trials)
     assert status == 0

@@ -5,6 +5,7 @@ Those that can be driven here are: slcan on a pty, a socketcand, a virtual bus.
 
 import contextlib
 import dataclasses
+import errno
 import functools
 import importlib
 import inspect
@@ -254,6 +255,24 @@ def test_whatever_a_driver_raises_is_a_usage_error(monkeypatch, error):
     monkeypatch.setattr(can, "Bus", broken)
     with pytest.raises(UsageError, match="interface kvaser cannot be used here"):
         open_driver(connection(interface="kvaser", channel="0"))
+
+
+@pytest.mark.parametrize(
+    ("interface", "error"),
+    [
+        ("gs_usb", OSError(errno.EBUSY, "Resource busy")),
+        ("slcan", can.CanInitializationError("could not open port: [Errno 16] Device or resource busy")),
+        ("pcan", can.CanInitializationError("A PCAN Channel has not been initialized yet or is in use")),
+    ],
+)
+def test_a_bus_that_another_program_has_is_a_usage_error_with_what_to_do(monkeypatch, interface, error):
+    def held(*_, **__):
+        raise error
+
+    monkeypatch.setattr(can, "Bus", held)
+    with pytest.raises(UsageError, match=r"cannot be opened: .*; end the program that has it") as refused:
+        open_driver(connection(interface=interface, channel=0 if interface == "gs_usb" else "X"))
+    assert "\n" not in str(refused.value)
 
 
 # An adapter on a serial line

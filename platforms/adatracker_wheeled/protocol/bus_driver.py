@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import errno
 import importlib
 import inspect
 import logging
@@ -33,8 +34,9 @@ def open_driver(connection: Connection) -> Any:
     """Return python-can's open bus.
 
     Raises:
-        UsageError: no such interface, a driver that is not installed, or settings that it refuses.
-        PlatformError: no such device, it is in use, or nobody answers; said within 2 s.
+        UsageError: no such interface, a driver that is not installed, settings that it refuses, or a device
+            that another program has.
+        PlatformError: no such device, or nobody answers; said within 2 s.
     """
     interface = connection.interface
     _check_interface(interface)
@@ -55,10 +57,12 @@ def open_driver(connection: Connection) -> Any:
             raise UsageError(
                 f"connection: interface {interface} lacks its driver: {line_of(error)}; install its vendor's"
             ) from error
+        what = f"CAN bus {connection.channel} ({interface}) cannot be opened: {line_of(error)}"
+        if _is_busy(error):
+            raise UsageError(f"{what}; end the program that has it, or correct connection.channel") from error
         raise PlatformError(
-            f"CAN bus {connection.channel} ({interface}) cannot be opened: {line_of(error)}; plug the "
-            "adapter in, bring the bus up (ip link set can0 up type can bitrate 500000), or correct "
-            "connection.channel"
+            f"{what}; plug the adapter in, bring the bus up (ip link set can0 up type can bitrate 500000), "
+            "or correct connection.channel"
         ) from error
     except (TypeError, ValueError) as error:
         raise UsageError(
@@ -75,6 +79,13 @@ def line_of(error: Exception) -> str:
     """Return an error's first line, short."""
     text = getattr(error, "strerror", None) or str(error) or type(error).__name__
     return str(text).splitlines()[0][:120].rstrip(". ")
+
+
+def _is_busy(error: BaseException) -> bool:
+    """Return whether another program has the device; drivers tell it by number or in words of their own."""
+    return getattr(error, "errno", None) == errno.EBUSY or bool(
+        re.search(r"\bbusy\b|\bin use\b", str(error), re.IGNORECASE)
+    )
 
 
 def _open(connection: Connection) -> Any:
