@@ -98,7 +98,7 @@ def rendered(seed: int) -> Iterator[Shown]:
 
 
 def filmed(data: Path) -> Iterator[Shown]:
-    """Whoever stands free on PETS09-S2L1."""
+    """People who stand free on PETS09-S2L1."""
     truth = read_truth(data / "boxes" / "mot15-PETS09-S2L1" / "gt" / "gt.txt")
     for number, picture in enumerate(pictures(data / "video" / "vtest.avi")):
         if number % 8 or not truth[number]:

@@ -83,7 +83,7 @@ class Look(NamedTuple):
 
 @dataclass(slots=True)
 class Tally:
-    """What was counted."""
+    """Counts of one run."""
 
     crossings: int = 0
     wrong: int = 0

@@ -32,7 +32,7 @@ _STAGES = ("all requests are right; connecting", "all are ready; starting")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ended:
-    """How one robot's run ended."""
+    """Result of one robot's run."""
 
     name: str
     status: int

@@ -22,7 +22,7 @@ _TOLD_TO_END = (-signal.SIGINT, -signal.SIGTERM)
 
 
 class Step(Enum):
-    """What the fleet's command does next."""
+    """The next action of the fleet's command."""
 
     WAIT = "wait"
     RELEASE = "release"
@@ -33,7 +33,7 @@ class Step(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """How far one robot's run is."""
+    """Progress of one robot's run."""
 
     name: str
     reached: int

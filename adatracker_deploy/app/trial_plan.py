@@ -1,4 +1,4 @@
-"""What a trial needs, decided and checked before it begins."""
+"""The plan of a trial: all that it needs, decided and checked before it begins."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class TrialPlan:
     live_port: int | None = None
     """Local port of the live view; None for no live view."""
     page: Address | None = None
-    """Where the operator's page is; None for no page."""
+    """Address of the operator's page; None for no page."""
     frames: Frames = "full"
     """The camera images that the log keeps."""
     speed: float
@@ -56,11 +56,11 @@ class TrialPlan:
     faults: tuple[ScheduledFault, ...] = ()
     """Faults to inject in a rehearsal, and when."""
     teleop: str = ""
-    """What an operator can take over with (`teleop.open_hand.check`); empty for none."""
+    """Device by which an operator can take over (`teleop.open_hand.check`); empty for none."""
     simulator: Sitl | None = None
     """A simulator that is already running; None to start one."""
     start_line: StartLine | None = None
-    """Where to wait, connected, until the other robots of a fleet are; None to engage at once."""
+    """Place to wait, connected, until the other robots of a fleet are; None to engage at once."""
 
     def config(self, profile: Profile, lens: CameraInfo | None = None) -> dict[str, Any]:
         """Return the run's configuration for the log, without passwords.

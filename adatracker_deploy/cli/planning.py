@@ -1,4 +1,4 @@
-"""What a run's arguments ask for, checked before anything moves: a plan for each trial."""
+"""Turns a run's arguments into a plan for each trial, checked before anything moves."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What makes a virtual world harder to see in than a clear day on a smooth floor."""
+"""Effects that make a virtual world harder to see in than a clear day on a smooth floor."""
 
 from __future__ import annotations
 

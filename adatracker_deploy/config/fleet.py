@@ -22,9 +22,9 @@ from adatracker_deploy.config.schema import parse
 from adatracker_deploy.core.errors import UsageError
 
 OnFailure = Literal["stop-all", "go-on"]
-"""What the others do when a robot fails: all stop, or the rest goes on."""
+"""Reaction of the others when a robot fails: all stop, or the rest goes on."""
 Kind = Literal["flag", "value", "either", "list"]
-"""What an option takes: nothing, a value, a value or nothing, or several values."""
+"""Values of an option: none, one, one or none, or several."""
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,31}")
 OF_THE_COMMAND = frozenset({"sitl", "dry-run", "log-dir", "stop-fd", "on-hangup", "json"})
 """Options that hold for all robots: whether they move, where they log, and what stops them."""

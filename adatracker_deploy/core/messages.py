@@ -156,9 +156,9 @@ class Pick(NamedTuple):
 
     click: Click
     box: Box | None
-    """Where the person was in the frame that was clicked; None: nobody was there, and nothing changed."""
+    """The person's box in the frame that was clicked; None: nobody was there, and nothing changed."""
     taken: int
-    """How many clicks have changed the target so far; one on the target does not."""
+    """Number of clicks that have changed the target so far; one on the target does not."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ Outcome = Literal[
 ]
 """The ways in which a trial can end; all but the first are failures."""
 BY_POLICY, BY_HAND = "policy", "hand"
-"""Who drove in a tick: the policy, or the operator by hand (docs/teleop.md)."""
+"""The driver of a tick: the policy, or the operator by hand (docs/teleop.md)."""
 RESULTS: tuple[Outcome, ...] = ("completed", "lost", "wrong_person", "collision")
 """Outcomes that are results of a trial, not failures of the run."""
 
@@ -88,7 +88,7 @@ class StepRecord:
     command: Twist
     """The velocity that the driver asked for: the policy, or the hand."""
     driver: str | None = None
-    """Who drove, `BY_POLICY` or `BY_HAND`; absent in logs from before anybody could drive by hand."""
+    """The driver, `BY_POLICY` or `BY_HAND`; absent in logs from before anybody could drive by hand."""
     hand: tuple[float, ...] = ()
     """The hand's demand, as shares of the limits in [-1, 1]: forward, left, up, counter-clockwise. Empty
     while the policy drives, and while nobody holds the dead-man button: zero was asked for."""
@@ -126,7 +126,7 @@ class StepRecord:
     target: str | None = None
     """State of the target: tracked, coasting, reacquired, lost or choosing; absent without a target lock."""
     picks: int | None = None
-    """How many clicks of the operator have changed the target so far; absent where there was no click."""
+    """Number of the operator's clicks that have changed the target so far; absent where there was none."""
 
     @property
     def frame_t_ns(self) -> int:

@@ -38,7 +38,7 @@ class Snapshot:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Published:
-    """What came of publishing."""
+    """Result of publishing."""
 
     address: HubAddress
     """Names the commit that was made."""

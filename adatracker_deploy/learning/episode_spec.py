@@ -44,7 +44,7 @@ class EpisodeSpec:
     """Number of the others who make for the line of sight and linger there."""
     noise: NoiseLevel = "none"
     change: Change | None = None
-    """What happens to the body on the way."""
+    """Changes of the body on the way."""
     effects: Effects = NONE
     """Fog and a rough road are in the pictures of real segmenters alone."""
 

@@ -10,7 +10,7 @@ import numpy as np
 TRAINING = range(900_000)
 """Collected episodes."""
 TUNING = range(900_000, 1_000_000)
-"""Whatever is chosen by looking at scores: the expert's gains, hyperparameters, early stopping."""
+"""Choices made by looking at scores: the expert's gains, hyperparameters, early stopping."""
 FIRST_EVALUATION = 1_000_000
 """Scores that are reported use this seed or later ones."""
 

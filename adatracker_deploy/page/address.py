@@ -1,4 +1,4 @@
-"""Where the operator's page is: a port of this machine, and a token."""
+"""Address of the operator's page: a port of this machine, and a token."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Address:
 
     @property
     def url(self) -> str:
-        """What the operator opens; browsers send the part behind # to nobody."""
+        """The URL that the operator opens; browsers send the part behind # to nobody."""
         return f"http://{HOST}:{self.port}/#{self.token}"
 
 

@@ -1,4 +1,4 @@
-"""What the page is shown: the newest state with its picture, and what happened; nothing waits for a browser.
+"""Feed of the operator's page: the newest state with its picture, and events; nothing waits for a browser.
 
 A browser gets a stream of updates. Each is three lengths (unsigned, 32 bits, little-endian) and then as many
 bytes: a JSON object, the camera's JPEG, the class mask as PNG; a picture may be absent. A browser that reads
@@ -51,7 +51,7 @@ class Feed:
         self._state: Mapping[str, Any] | None = None
         self._pictures = Pictures(b"", b"")
         self._shown, self._pictured, self._happened = 0, 0, 0
-        """How often each was renewed."""
+        """Numbers of renewals of each."""
         self._events: deque[_Event] = deque(maxlen=KEPT_EVENTS)
         self._browsers = 0
         self._ended = False

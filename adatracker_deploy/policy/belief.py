@@ -33,7 +33,7 @@ COLUMNS = (
     *("seen", "gap", "left", "up", "width", "height", "pace", "turned", "driven"),
     *("bearing_sin", "bearing_cos"),
 )
-"""What a network is told, each about -1 to 1; the last two are the expected bearing, left positive, of the
+"""Inputs of a network, each about -1 to 1; the last two are the expected bearing, left positive, of the
 target from a nominal body."""
 SIZE = len(COLUMNS)
 

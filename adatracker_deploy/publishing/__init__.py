@@ -1,1 +1,1 @@
-"""What a policy and trials are on the Hub: their files, and their cards with the Hub's header."""
+"""Policies and trials on the Hub: their files, and their cards with the Hub's header."""

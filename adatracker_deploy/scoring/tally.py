@@ -42,7 +42,7 @@ class Tally:
         self._by_hand = False
         """The hand drives from the start."""
         self._ended_by: str | None = None
-        """What of the operator's ended what is said of the policy, and when; None before."""
+        """The operator's act that ended the part scored for the policy, and when; None before."""
         self._picks_before, self._picks = 0, 0
         self._latencies = LatencyPercentiles(("sensor_to_command", "lateness", *STAGES, *FAR_STAGES))
         self._first_step, self._first_ns = 0, 0

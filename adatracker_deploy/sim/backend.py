@@ -1,4 +1,4 @@
-"""What an episode asks of a simulated world, whoever simulates it: `world.World` here, or Unreal's engine."""
+"""Interface of a simulated world to an episode: `world.World` here, or Unreal's engine."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class WorldBackend(Protocol):
     """
 
     start: Pose
-    """Where a robot starts: on the ground, 2.5 m behind the target, facing it."""
+    """Starting pose of a robot: on the ground, 2.5 m behind the target, facing it."""
 
     @property
     def target_xy(self) -> tuple[float, float]:

@@ -26,7 +26,7 @@ class Rest:
         self._rng = rng
         self._left_s = float(rng.exponential(MEAN_UP_S))
         self._down_s = 0.0
-        """How long the present rest takes in all; 0 while up."""
+        """Whole duration of the present rest; 0 while up."""
 
     @property
     def seated(self) -> float:

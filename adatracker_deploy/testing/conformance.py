@@ -287,7 +287,7 @@ class PlatformConformance(AgainstTheManual):
     def test_an_engaged_robot_can_be_stopped_in_any_order_and_twice(
         self, engaged: Platform, order: tuple[str, ...]
     ) -> None:
-        """Whatever stops it first, the rest is allowed and nothing starts it again."""
+        """After any first stop the others are allowed, and nothing starts it again."""
         for stop in order:
             for _ in range(2):
                 STOPS[stop](engaged)

@@ -1,4 +1,4 @@
-"""Where and how a trial ended: by its log, or by what the operator marked since."""
+"""The end of a trial, its step and its outcome: by its log, or by what the operator marked since."""
 
 from __future__ import annotations
 

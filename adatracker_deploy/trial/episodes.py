@@ -26,8 +26,8 @@ class Transition:
 
     tick: StepRecord
     sent: Twist
-    """What the link made of the command; where a newer command replaced it before the link's slot, what it
-    went on sending."""
+    """The velocity that the link made of the command; where a newer command replaced it before the link's
+    slot, the one that it went on sending."""
     reward: float
     """R of the next tick's box against the trial's first (`box_reward`), 0 without one; in [0, 1]."""
     seen: bool

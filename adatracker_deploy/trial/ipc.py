@@ -61,7 +61,7 @@ class PageStart:
 
     address: Address
     about: Mapping[str, Any]
-    """What the page says of the run as a whole, in plain JSON types."""
+    """The page's description of the run as a whole, in plain JSON types."""
     tracker_pid: int
     """The process that a stop is for."""
     unchoosable: str = ""

@@ -12,8 +12,9 @@ from adatracker_deploy.sim.process import FaultCommands
 from adatracker_drone.platform import DronePlatform
 from adatracker_drone.sim.simulator import Simulator
 from adatracker_drone.sim.sitl import DroneSitl
+from tests.tiers import EXHAUSTIVE
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, EXHAUSTIVE]  # `test_platform_sitl` has each promise on each run
 
 
 class InAThread(Sitl):

@@ -16,6 +16,17 @@ from adatracker_deploy.faults.sample import FOUND, Cell, sampled
 
 SAFETY = Path(__file__).parents[2] / "docs" / "safety.md"
 ONE_HANDLER = {"terminate": "interrupt", "hangup": "interrupt"}
+OF_THE_TRACKER = {
+    *(
+        "disk_full",
+        "gc_pause",
+        "policy_hang",
+        "policy_inf",
+        "policy_nan",
+        "segmenter_error",
+        "segmenter_stall",
+    ),
+}
 ONE_PROCESS = {"tracker_stop": "tracker_kill", "link_stop": "link_kill"}
 
 
@@ -33,7 +44,8 @@ def each(cells, what):
 @pytest.mark.parametrize(
     "what",
     [
-        lambda cell: (cell.platform, cell.row.fault),
+        lambda cell: cell.row.fault not in OF_THE_TRACKER and (cell.platform, cell.row.fault),
+        lambda cell: (cell.flies, cell.row.fault),
         lambda cell: (cell.platform, cell.row.phase),
         lambda cell: ((ONE_HANDLER | ONE_PROCESS).get(cell.row.fault, cell.row.fault), cell.row.phase),
         lambda cell: cell.row.variant,
@@ -41,7 +53,16 @@ def each(cells, what):
         lambda cell: (cell.platform, cell.row.again),
         lambda cell: cell.row.name in FOUND and cell.row.name,
     ],
-    ids=["robot, fault", "robot, phase", "kind, phase", "variants", "faults", "second runs", "found"],
+    ids=[
+        "robot, fault",
+        "flies, fault",
+        "robot, phase",
+        "kind, phase",
+        "variants",
+        "faults",
+        "second runs",
+        "found",
+    ],
 )
 def test_the_sample_has_each(cells, what):
     assert each(sampled(cells), what) == each(cells, what)

@@ -22,7 +22,7 @@ TOKEN = "hf_of_a_test"
 LARGE = (".onnx", ".npz", ".mcap")
 """Go to large-file storage, as by the Hub's own .gitattributes."""
 LICENCES = ("apache-2.0", "mit", "cc0-1.0", "cc-by-4.0", "other")
-"""Of the Hub's list (https://huggingface.co/docs/hub/repositories-licenses)."""
+"""Licences of the Hub's list (https://huggingface.co/docs/hub/repositories-licenses)."""
 
 _REPO = r"(?P<kind>model|dataset)s/(?P<repo>[^/]+/[^/]+)"
 _FILE = r"/(?P<prefix>datasets/)?(?P<repo>[^/]+/[^/]+)"
@@ -64,7 +64,7 @@ class Repo:
 
 
 class Hub:
-    """What it holds, and what it was asked."""
+    """The repositories of the Hub, and the requests so far."""
 
     def __init__(self):
         self.repos = {}

@@ -35,7 +35,7 @@ def running(server):
 
 
 class Saying:
-    """What a server of anybody's says, and what it has heard of a loop.
+    """Answers of somebody else's server, and the requests of a loop that it has received.
 
     Args:
         answers: of (message, number) gives what is sent: a dict, text or bytes, a list of those, None for

@@ -16,8 +16,9 @@ from adatracker_quadruped.sim.simulator import Robot, Simulator
 from tests.quadruped.rehearsal import rehearsed
 from tests.quadruped.routers import free_port
 from tests.quadruped.test_platform_sitl import TWIST
+from tests.tiers import EXHAUSTIVE
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, EXHAUSTIVE]  # `test_platform_sitl` has each promise on each run
 
 
 class InAThread(Sitl):

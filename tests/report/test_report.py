@@ -37,7 +37,7 @@ def hostile(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def pages(varied, hostile):
-    """Of one trial, of a hostile one, and of both as a set."""
+    """Pages of one trial, of a hostile one, and of both as a set."""
     return {
         "varied": page_of(varied),
         "hostile": page_of(hostile),

@@ -3,126 +3,19 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.config.limits import Limits
 from adatracker_deploy.core.clock import FakeClock
-from adatracker_deploy.core.geometry import Pose
-from adatracker_deploy.core.messages import (
-    ZERO,
-    Action,
-    Answer,
-    Box,
-    Click,
-    Frame,
-    Observation,
-    Pick,
-    PlatformState,
-    Seen,
-    TargetState,
-    Truth,
-    Twist,
-)
-from adatracker_deploy.policy.base import FORWARD_YAW, STALE_OBSERVATION_S, NoAnswer, PolicyInfo
-from adatracker_deploy.runtime.link import Acted, LinkStatus, Phase
-from adatracker_deploy.runtime.loop import BLIND_S, MISSED_IN_A_ROW, Ending, Loop
-from adatracker_deploy.runtime.phase import WAIT
-
-LIMITS = Limits(forward_m_s=2.0, backward_m_s=1.0, yaw_rate_rad_s=1.0, accel_m_s2=2.0, yaw_accel_rad_s2=4.0)
-BOX = Box(0.5, 0.5, 0.2, 0.6)
-MASK = np.zeros((4, 4), np.uint8)
-RGB = np.zeros((4, 4, 3), np.uint8)
-STEPS = 100
-FLYING = LinkStatus(Phase.ACTIVE, PlatformState(1, "OFFBOARD", True, False))
-INFO = PolicyInfo(name="half", rate_hz=20.0, action=FORWARD_YAW)
-
-
-@dataclass
-class Rehearsal:
-    """A whole loop in memory; `at` maps a tick to what is different from then on."""
-
-    clock: FakeClock = field(default_factory=FakeClock)
-    at: dict[int, dict] = field(default_factory=dict)
-    tick: int = -1
-    box: Box | None = BOX
-    age_s: float = 0.02
-    collided: bool = False
-    status_now: LinkStatus | None = FLYING
-    living: bool = True
-    frame: bool = True
-    waited_s: float = 0.0
-    """How long each tick waits for its observation."""
-    stall_s: float = 0.0
-    """How long the tracker gets no processor time in each tick."""
-    commands: list[Twist] = field(default_factory=list)
-    sent_ns: list[int] = field(default_factory=list)
-    shares: list[float | None] = field(default_factory=list)
-    sight_ages_s: list[float] = field(default_factory=list)
-    records: list = field(default_factory=list)
-    asked: int = 0
-    shown: list = field(default_factory=list)
-    silent: bool = False
-    """The policy is on another machine, and has not answered yet."""
-    target: TargetState | None = None
-    pick: Pick | None = None
-    answer_behind_s: float | None = None
-    """The policy is on another machine, its newest answer to a picture so much older than the newest."""
-    info: PolicyInfo = INFO
-
-    def observe(self, patience_s):
-        self.patience_s = patience_s
-        self.clock.advance(self.waited_s)
-        self.tick += 1
-        for name, value in self.at.get(self.tick, {}).items():
-            setattr(self, name, value)
-        t_ns = self.clock.now_ns() - round(self.age_s * 1e9)
-        truth = Truth(MASK, Pose(), Pose(), (2.5, 0.0), 2.5, 0.1, self.collided)
-        frame = Frame(RGB, t_ns, self.tick, truth)
-        observation = Observation(MASK, self.box, 1.0, t_ns, self.tick, self.target, pick=self.pick)
-        seen = Seen(frame, observation, taken_ns=t_ns + 4_000_000, ready_ns=t_ns + 13_000_000)
-        return seen if self.frame else None
-
-    def act(self, observation):
-        self.asked += 1
-        self.shown.append(observation)
-        self.clock.advance(self.stall_s)
-        if self.silent:
-            raise NoAnswer
-        answer = None
-        if self.answer_behind_s is not None:
-            t_ns = observation.t_ns - round(self.answer_behind_s * 1e9)
-            answer = Answer(t_ns, queue_ms=1.0, round_trip_ms=9.0, server_ms=5.0)
-        return Action(np.array([0.5, -0.5], np.float32), answer=answer)
-
-    def reset(self, seed=0): ...
-
-    def send(self, twist, now_ns, target_share=None, seen_ns=None, held_until_ns=None):
-        self.commands.append(twist)
-        self.sent_ns.append(now_ns)
-        self.shares.append(target_share)
-        self.sight_ages_s.append((now_ns - seen_ns) / 1e9)
-
-    def status(self):
-        return self.status_now
-
-    def alive(self):
-        return self.living
-
-    def run(self) -> Ending:
-        loop = Loop(
-            observe=self.observe,
-            policy=self,
-            link=self,
-            limits=LIMITS,
-            clock=self.clock,
-            write=lambda record, seen: self.records.append(record),
-        )
-        return loop.run(STEPS)
+from adatracker_deploy.core.messages import ZERO, Click, Pick, TargetState, Twist
+from adatracker_deploy.policy.base import STALE_OBSERVATION_S
+from adatracker_deploy.runtime.link import LinkStatus, Phase
+from adatracker_deploy.runtime.loop import BLIND_S, MISSED_IN_A_ROW, Ending
+from tests.runtime.loop_in_memory import BOX, FLYING, RGB, STEPS, Rehearsal
 
 
 def test_a_whole_trial_has_its_steps_and_the_tick_of_reference():
@@ -329,76 +222,3 @@ def test_late_frames_now_and_then_neither_end_a_trial_nor_save_one_whose_target_
         at={tick: change for tick, change in late.items() if tick < 31} | {10: {"box": None}}
     )
     assert rehearsal.run().outcome == "lost"
-
-
-class Wired(Rehearsal):
-    """Its link judges every set-point 5 ms after it came and sends half of it within 2 ms more."""
-
-    def send(self, twist, now_ns, target_share=None, seen_ns=None, held_until_ns=None):
-        super().send(twist, now_ns, target_share, seen_ns)
-        judged_ns = self.clock.now_ns() + 5_000_000
-        acted = Acted(now_ns, judged_ns, judged_ns + 2_000_000)
-        half = Twist(vx=twist.vx / 2, yaw_rate=twist.yaw_rate / 2)
-        self.status_now = replace(FLYING, sent=half, reasons=(f"tick {self.tick}",), acted=acted)
-
-    def act(self, observation):
-        super().act(observation)
-        return Action(np.array([self.tick / 1000, 0.0], np.float32))
-
-
-def test_each_step_says_where_its_time_went_from_the_sensor_to_the_wire():
-    rehearsal = Wired(stall_s=0.003)
-    rehearsal.run()
-    latency = rehearsal.records[3].latency
-    ways = (latency.capture_ms, latency.perceive_ms, latency.wait_ms, latency.infer_ms)
-    assert ways == pytest.approx((4.0, 9.0, 7.0, 3.0))
-    assert latency.sensor_to_command_ms == pytest.approx(sum(ways))
-    assert (latency.gate_ms, latency.send_ms) == pytest.approx((5.0, 2.0))
-    assert latency.sensor_to_wire_ms == pytest.approx(latency.sensor_to_command_ms + 7.0)
-
-
-def test_a_tick_that_waited_for_its_observation_begins_when_that_is_ready():
-    at_once, waiting = Wired(), Wired(waited_s=0.006, age_s=0.013)
-    at_once.run()
-    waiting.run()
-    first, second = at_once.records[3], waiting.records[3]
-    assert second.t_ns - first.t_ns == pytest.approx(6e6, abs=3e6)  # the slots, too, come a little later
-    assert second.latency.wait_ms == pytest.approx(0.0)
-    assert second.latency.lateness_ms == first.latency.lateness_ms
-    assert waiting.patience_s == pytest.approx(WAIT / INFO.rate_hz)
-
-
-def test_a_record_is_one_ticks_what_was_asked_and_what_was_sent_for_it():
-    rehearsal = Wired()
-    rehearsal.run()
-    assert [record.step for record in rehearsal.records] == list(range(STEPS + 1))
-    for record in rehearsal.records:
-        assert record.sent.vx == pytest.approx(record.command.vx / 2)
-        assert record.gate == (f"tick {record.step}",)
-
-
-def test_what_stopped_the_robot_stands_in_the_record_of_the_command_that_it_forestalled():
-    stop = replace(FLYING, phase=Phase.HOLDING, stopped="not_finite", reasons=("not_finite",))
-    rehearsal = Rehearsal(at={5: {"status_now": stop}})  # as the sixth tick's observation is taken
-    rehearsal.run()
-    assert [record.step for record in rehearsal.records] == [0, 1, 2, 3, 4, 5]
-    assert (rehearsal.records[-1].sent, rehearsal.records[-1].gate) == (ZERO, ("not_finite",))
-
-
-class FilmOver(Exception): ...
-
-
-def test_whatever_ends_the_loop_every_tick_that_was_driven_is_written():
-    rehearsal = Wired()
-    observe = rehearsal.observe
-
-    def until_the_film_is_over(patience_s):
-        if rehearsal.tick == 7:
-            raise FilmOver
-        return observe(patience_s)
-
-    rehearsal.observe = until_the_film_is_over
-    with pytest.raises(FilmOver):
-        rehearsal.run()
-    assert [record.step for record in rehearsal.records] == list(range(8))
-    assert rehearsal.records[-1].sent.vx == pytest.approx(rehearsal.records[-1].command.vx / 2)

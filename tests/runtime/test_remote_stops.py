@@ -29,8 +29,15 @@ from adatracker_deploy.runtime.engagement import Engagement
 from adatracker_deploy.runtime.link_process import LinkProcess
 from adatracker_deploy.runtime.loop import BLIND_S, Ending, Loop
 from tests.policy.servers import MANIFEST, asking, saying, serving
+from tests.tiers import EXHAUSTIVE
 
-PROFILES = ("scout", "go2", "px4_quad")
+
+def profiles(everyday):
+    """Take each robot's limits, on each run this one's; each robot has a run of its own in this file."""
+    names = ("scout", "go2", "px4_quad")
+    return [name if name == everyday else pytest.param(name, marks=EXHAUSTIVE) for name in names]
+
+
 LOOP_MANIFEST = MANIFEST | {"rate_hz": 20.0, "observation": ["mask"]}
 PICTURE_AGE_S = 0.02
 SLOT_S = 0.02
@@ -124,7 +131,7 @@ def ahead(message, number):
     return {"actions": np.array([0.5, 0.1])}
 
 
-@pytest.mark.parametrize("name", PROFILES)
+@pytest.mark.parametrize("name", profiles("scout"))
 def test_a_delay_of_300_ms_stops_the_robot_and_then_the_trial(name, measured):
     """From the first late answer on nothing that is older than the gate allows moves it."""
     late = threading.Event()
@@ -146,7 +153,7 @@ def test_a_delay_of_300_ms_stops_the_robot_and_then_the_trial(name, measured):
     assert "the policy is late" in robot.ending.reason
 
 
-@pytest.mark.parametrize("name", PROFILES)
+@pytest.mark.parametrize("name", profiles("go2"))
 def test_with_a_fifth_of_the_answers_dropped_it_follows_on_what_is_fresh_and_nothing_else(name, measured):
     def dropping(message, number):
         return None if number % 5 == 4 else {"actions": np.array([0.5, message["request"] % 100 / 1000])}
@@ -165,7 +172,7 @@ def test_with_a_fifth_of_the_answers_dropped_it_follows_on_what_is_fresh_and_not
     )
 
 
-@pytest.mark.parametrize("name", PROFILES)
+@pytest.mark.parametrize("name", profiles("px4_quad"))
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "frozen"])
 def test_a_server_that_is_killed_or_frozen_stops_the_robot(name, how, measured):
     with serving() as (process, uri), engaged(name, uri) as robot:

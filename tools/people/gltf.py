@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from people.base_mesh import Body
+from people.mesh import Mesh
 from people.motion import Motion
-from people.wardrobe import Mesh
 
 _FLOAT, _U8, _U16, _U32 = 5126, 5121, 5123, 5125
 _VERTICES, _INDICES = 34962, 34963

@@ -11,13 +11,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-import fast_simplification
 import numpy as np
-from numpy.typing import NDArray
 
 from people.base_mesh import Body, Indices
+from people.mesh import Array, Mesh, joined, piece, rounded_box, triangles, vertex_normals
 
-Array = NDArray[np.float64]
 Rgb = tuple[float, float, float]
 
 
@@ -56,27 +54,6 @@ class Outfit:
     shoes: Rgb = (0.10, 0.09, 0.09)
     bag: Rgb | None = None
     """A backpack's colour."""
-
-
-@dataclass(slots=True)
-class Mesh:
-    """A triangle mesh under construction.
-
-    Attributes:
-        points: (N, 3), m.
-        faces: (T, 3).
-        colours: sRGB, (N, 3).
-        weights: of each bone, (N, B).
-    """
-
-    points: Array
-    faces: Indices
-    colours: Array
-    weights: Array
-
-    def normals(self) -> Array:
-        """Return unit vertex normals, (N, 3)."""
-        return _normals(self.points, self.faces)
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +110,7 @@ def dressed(body: Body, outfit: Outfit, *, seed: int) -> Mesh:
     parts += _hair(body, regions, outfit)
     if outfit.bag is not None:
         parts.append(_backpack(body, outfit.bag))
-    return _joined(parts)
+    return joined(parts)
 
 
 def _head_and_hands(body: Body, regions: _Regions, outfit: Outfit) -> Mesh:
@@ -162,12 +139,12 @@ def _head_and_hands(body: Body, regions: _Regions, outfit: Outfit) -> Mesh:
     rest = bare & ~hidden & ~head
     skin = np.array(outfit.skin)
     parts = [
-        _piece(body, quads[head], lambda points: _face(body, points, outfit), keep=1500),
-        _piece(body, quads[rest], lambda points: np.tile(skin, (len(points), 1)), keep=900),
+        piece(body, quads[head], lambda points: _face(body, points, outfit), keep=1500),
+        piece(body, quads[rest], lambda points: np.tile(skin, (len(points), 1)), keep=900),
     ]
     eyes = np.concatenate([body.quads["helper-l-eye"], body.quads["helper-r-eye"]])
-    parts.append(_piece(body, eyes, lambda points: np.full((len(points), 3), 0.16), keep=60))
-    return _joined(parts)
+    parts.append(piece(body, eyes, lambda points: np.full((len(points), 3), 0.16), keep=60))
+    return joined(parts)
 
 
 def _face(body: Body, points: Array, outfit: Outfit) -> Array:
@@ -247,9 +224,9 @@ def _garment(
     out_m: float | Callable[[Indices], Array],
 ) -> Mesh:
     """Return a part of a surface, pushed outwards and painted."""
-    used, faces = _triangles(quads)
+    used, faces = triangles(quads)
     points = body.vertices[used]
-    normals = _normals(points, faces)
+    normals = vertex_normals(points, faces)
     away = out_m if isinstance(out_m, float) else out_m(used)[:, None]
     folds = 0.006 * _smooth_noise(points, rng, 0.12)
     placed = points + normals * (away + folds[:, None])
@@ -282,7 +259,7 @@ def _shoes(body: Body, regions: _Regions, outfit: Outfit) -> Mesh:
     mains = regions.main(quads[:, 0])
     feet = np.array([name.startswith(("foot", "ball")) for name in mains])
     low = body.vertices[quads].mean(axis=1)[:, 1] < body.bone("foot_l").head[1] + 0.03
-    mesh = _piece(body, quads[feet & low], lambda points: np.tile(outfit.shoes, (len(points), 1)), keep=700)
+    mesh = piece(body, quads[feet & low], lambda points: np.tile(outfit.shoes, (len(points), 1)), keep=700)
     mesh.points = mesh.points + 0.007 * mesh.normals()
     mesh.points[:, 1] = np.maximum(mesh.points[:, 1], 0.0)
     mesh.colours[mesh.points[:, 1] < 0.018] = 0.75 * np.array(outfit.shoes) + 0.10
@@ -308,13 +285,13 @@ def _hair(body: Body, regions: _Regions, outfit: Outfit) -> list[Mesh]:
     scalp = np.array([name == "head" for name in mains]) & (middle[:, 1] > line)
     thick = {"short": 0.014, "long": 0.020, "cap": 0.016, "hood": 0.026}[outfit.hair_style]
     colour = outfit.hair if outfit.hair_style in {"short", "long"} else outfit.top.rgb
-    mesh = _piece(body, quads[scalp], lambda points: np.tile(colour, (len(points), 1)), keep=500)
+    mesh = piece(body, quads[scalp], lambda points: np.tile(colour, (len(points), 1)), keep=500)
     crown = np.clip((mesh.points[:, 1] - eye[1]) / (top - eye[1]), 0.0, 1.0)
     mesh.points = mesh.points + mesh.normals() * (thick * (0.4 + 0.6 * crown))[:, None]
     pieces.append(mesh)
     if outfit.hair_style == "long":
         long = body.quads["helper-hair"]
-        used, faces = _triangles(long)
+        used, faces = triangles(long)
         down = body.vertices[used]
         centre = down[faces].mean(axis=1)
         before_face = (centre[:, 2] > eye[2] - 0.06) & (centre[:, 1] < eye[1] + 0.04)
@@ -343,74 +320,12 @@ def _backpack(body: Body, rgb: Rgb) -> Mesh:
     ]
     pieces = []
     for half, at, painted in (bag, *straps):
-        points, faces = _rounded_box(half, 7)
+        points, faces = rounded_box(half, 7)
         weights = np.zeros((len(points), len(body.bones)))
         weights[:, body.place["spine_03"]] = 1.0
         shade = 0.85 + 0.15 * (points[:, 1:2] > 0)
         pieces.append(Mesh(points + at, faces, painted * shade, weights))
-    return _joined(pieces)
-
-
-def _rounded_box(half: Array, steps: int) -> tuple[Array, Indices]:
-    """Return a box with soft edges: a sphere of a high norm."""
-    u = np.linspace(-np.pi / 2, np.pi / 2, steps)
-    v = np.linspace(-np.pi, np.pi, 2 * steps, endpoint=False)
-    uu, vv = np.meshgrid(u, v, indexing="ij")
-
-    def soft(x: Array) -> Array:
-        return np.sign(x) * np.abs(x) ** 0.45
-
-    points = np.stack(
-        [soft(np.cos(uu)) * soft(np.sin(vv)), soft(np.sin(uu)), soft(np.cos(uu)) * soft(np.cos(vv))], axis=-1
-    ).reshape(-1, 3)
-    faces = []
-    columns = 2 * steps
-    for i in range(steps - 1):
-        for j in range(columns):
-            a, b = i * columns + j, i * columns + (j + 1) % columns
-            c, d = a + columns, b + columns
-            faces += [(a, b, d), (a, d, c)]
-    return points * half, np.array(faces)
-
-
-def _piece(body: Body, quads: Indices, colour: Callable[[Array], Array], *, keep: int) -> Mesh:
-    """Return a part of the body's mesh with about `keep` triangles at most."""
-    used, faces = _triangles(quads)
-    points = body.vertices[used]
-    weights = body.weights[used]
-    if len(faces) > keep:
-        small, faces = fast_simplification.simplify(
-            points.astype(np.float32), faces.astype(np.int32), target_count=keep
-        )
-        nearest = _nearest(small.astype(float), points)
-        points, weights = small.astype(float), weights[nearest]
-    return Mesh(points, np.asarray(faces, np.intp), np.clip(colour(points), 0.0, 1.0), weights)
-
-
-def _nearest(points: Array, among: Array) -> Indices:
-    """Return the index in `among` of the nearest to each point."""
-    result = np.empty(len(points), np.intp)
-    for begin in range(0, len(points), 256):
-        some = points[begin : begin + 256]
-        result[begin : begin + 256] = ((some[:, None] - among) ** 2).sum(axis=2).argmin(axis=1)
-    return result
-
-
-def _triangles(quads: Indices) -> tuple[Indices, Indices]:
-    """Return the vertices that some quads use, and their triangles among those."""
-    used, flat = np.unique(quads, return_inverse=True)
-    four = flat.reshape(quads.shape)
-    return used, np.concatenate([four[:, [0, 1, 2]], four[:, [0, 2, 3]]])
-
-
-def _normals(points: Array, faces: Indices) -> Array:
-    a, b, c = (points[faces[:, k]] for k in range(3))
-    across = np.cross(b - a, c - a)
-    normals = np.zeros_like(points)
-    for k in range(3):
-        np.add.at(normals, faces[:, k], across)
-    unit: Array = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-    return unit
+    return joined(pieces)
 
 
 def _smooth_noise(points: Array, rng: np.random.Generator, size_m: float) -> Array:
@@ -419,13 +334,3 @@ def _smooth_noise(points: Array, rng: np.random.Generator, size_m: float) -> Arr
     phases = rng.uniform(0, 2 * np.pi, 6)
     noise: Array = np.sin(points @ waves.T + phases).mean(axis=1) * 1.7
     return noise
-
-
-def _joined(parts: list[Mesh]) -> Mesh:
-    offsets = np.cumsum([0, *(len(part.points) for part in parts)])
-    return Mesh(
-        np.concatenate([part.points for part in parts]),
-        np.concatenate([part.faces + at for part, at in zip(parts, offsets, strict=False)]),
-        np.concatenate([part.colours for part in parts]),
-        np.concatenate([part.weights for part in parts]),
-    )

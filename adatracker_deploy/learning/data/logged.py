@@ -48,7 +48,7 @@ COLUMNS = (
     *("lost", "visible"),  # consecutive ticks without a box as a share of those that end a trial
     *ACTION_COLUMNS,
 )
-"""What a log says of each step in place of `state.COLUMNS`, for critics."""
+"""Columns of a logged step in place of `state.COLUMNS`, for critics."""
 _RATE_TOLERANCE = 0.05
 _SIDEWAYS_M_S = 1e-3
 _LEAST_LIMIT = 1e-3
@@ -57,7 +57,7 @@ _LEAST_LIMIT = 1e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoggedHeader:
-    """What is known of one logged episode."""
+    """Description of one logged episode."""
 
     body: Embodiment
     """With NaN where the log does not know it."""
@@ -174,7 +174,7 @@ class _Seen:
     def __init__(self, first: Box | None) -> None:
         self._first = first
         self._off: tuple[float, ...] | None = None
-        """Where it was last seen; None before that."""
+        """Its place when it was last seen; None before that."""
         self._lost = 0
 
     def row(self, tick: StepRecord) -> tuple[float, ...]:

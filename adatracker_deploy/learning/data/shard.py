@@ -135,7 +135,7 @@ class EpisodeHeader:
 
     @property
     def change(self) -> Change | None:
-        """How its body changes on the way; None if it does not."""
+        """Changes of its body on the way; None if there are none."""
         return self.spec.change
 
 

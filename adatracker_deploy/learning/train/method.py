@@ -6,8 +6,9 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Protocol
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
+from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning import losses
 from adatracker_deploy.learning.train.agent import Agent, Sequences
 from adatracker_deploy.learning.train.settings import BURN_IN, TrainSettings
@@ -50,6 +51,21 @@ _CLONING, _REPRESENTATION = 5.0, 0.3
 """Weights in the loss of imitation, a prototype's, whose cloning alone kept SR .96 in `field`."""
 _CLIP = 1.0
 """Largest norm of the gradient."""
+
+
+def check_bfloat16(device: str) -> None:
+    """Compute a small LSTM in bfloat16.
+
+    Raises:
+        UsageError: the device cannot, as processors without AVX-512 cannot.
+    """
+    where = torch.device(device)
+    try:
+        with torch.random.fork_rng(), torch.autocast(where.type, torch.bfloat16):
+            nn.LSTM(2, 2).to(where)(torch.zeros(1, 1, 2, device=where))
+    except RuntimeError as error:
+        why = str(error).splitlines()[0]
+        raise UsageError(f"--bfloat16: device {device!r} cannot; leave it out ({why})") from error
 
 
 def imitate(

@@ -30,7 +30,7 @@ from adatracker_deploy.learning.train.cloning import Cloning
 from adatracker_deploy.learning.train.cql_sac import CqlSac
 from adatracker_deploy.learning.train.curves import Curves, MetricLogger
 from adatracker_deploy.learning.train.dagger import Dagger
-from adatracker_deploy.learning.train.method import Learner, Say
+from adatracker_deploy.learning.train.method import Learner, Say, check_bfloat16
 from adatracker_deploy.learning.train.settings import TrainSettings
 from adatracker_deploy.learning.train.snapshot import (
     POLICY_NAME,
@@ -116,6 +116,8 @@ def _learner(settings: TrainSettings, device: str) -> Learner:
         agent.to(device)
     except (RuntimeError, AssertionError) as error:
         raise UsageError(f"device {device!r} cannot be used: {str(error).splitlines()[0]}") from error
+    if settings.bfloat16:
+        check_bfloat16(device)
     agent.train()
     learners: dict[str, Callable[[Agent, TrainSettings], Learner]] = {
         "dagger": Dagger,

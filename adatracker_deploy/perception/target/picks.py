@@ -44,7 +44,7 @@ class Picked(NamedTuple):
     locked: Locked
     """Its result for the newest picture."""
     box: NDArray[np.float32]
-    """Where they were in the picture that was clicked, px, shape (4,)."""
+    """Their box in the picture that was clicked, px, shape (4,)."""
 
 
 class RecentPeople:

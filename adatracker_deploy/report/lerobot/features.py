@@ -46,7 +46,7 @@ Columns = dict[str, NDArray[Any]]
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """What all trials of a data set share."""
+    """Properties that all trials of a data set share."""
 
     rate_hz: float
     camera: tuple[int, int] | None

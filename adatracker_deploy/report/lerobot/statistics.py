@@ -25,7 +25,7 @@ def of_numbers(values: NDArray[Any]) -> Statistics:
 
 
 class PictureTally:
-    """How often each level occurs in each channel of some pictures: all that their statistics need.
+    """Histogram of each channel of some pictures: all that their statistics need.
 
     Attributes:
         levels: (3, 256) int64.

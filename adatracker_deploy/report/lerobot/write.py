@@ -45,7 +45,7 @@ _NEAR = 0.02
 
 @dataclass(frozen=True, slots=True)
 class Written:
-    """What a data set came to."""
+    """Size of a data set that was written."""
 
     trials: int
     episodes: int

@@ -1,4 +1,4 @@
-"""What a trial's bag holds: each message of its log as messages of ROS 2, at the same time."""
+"""Contents of a trial's bag: each message of its log as messages of ROS 2, at the same time."""
 
 from __future__ import annotations
 

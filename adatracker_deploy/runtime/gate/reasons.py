@@ -49,7 +49,7 @@ class Reason(enum.StrEnum):
     BLIND = "blind", Kind.WITHHOLDS
     """The frame that the command is based on is too old, or missing: zero, until a newer frame comes."""
     DEAD_MAN = "dead_man", Kind.WITHHOLDS
-    """Whoever drives by hand does not hold the dead-man button: zero, until it is held again."""
+    """The dead-man button is not held while driving by hand: zero, until it is held again."""
 
     COMMAND_LOST = "command_lost", Kind.STOPS
     """No fresh command within the time-out: a stop latched."""

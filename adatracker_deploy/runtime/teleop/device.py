@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
 Told = list[tuple[Code, float]]
-"""What a device told at one time: codes and values of events."""
+"""Events that a device reported at one time: codes and values."""
 
 
 @contextlib.contextmanager

@@ -39,7 +39,7 @@ class InputEvent:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HandState:
-    """What follows from the events so far."""
+    """The state that follows from the events so far."""
 
     alone: bool = False
     """There is no policy to give back to."""
@@ -61,7 +61,7 @@ class HandState:
 
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """What the hand asks for at one tick."""
+    """The command by hand at one tick."""
 
     drives: bool
     """The hand drives; without that the rest says nothing."""

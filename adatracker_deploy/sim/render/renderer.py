@@ -239,7 +239,7 @@ class _Body(NamedTuple):
     kind: MaskClass
     node: Any
     solids: FreeSpace | None
-    """Where a thing is; people are where their node is."""
+    """Pose of a thing; people are where their node is."""
 
 
 class _View:

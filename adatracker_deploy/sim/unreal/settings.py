@@ -19,7 +19,7 @@ give another."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """What the toolkit takes from the file; the defaults are what all of UnrealZoo's files of 2025 say."""
+    """Values taken from the file; the defaults are what all of UnrealZoo's files of 2025 say."""
 
     player: str = "BP_Character_2"
     """The object that is the target."""

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from adatracker_deploy.sim.unreal.units import Triple
 
 NAV_RADIUS_CM = 3000
-"""How far from where they are people choose their next goal; ours."""
+"""Largest distance of a person's next goal; our choice."""
 _LEVEL = (0.0, 0.0, 0.0)
 
 

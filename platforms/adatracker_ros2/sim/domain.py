@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 DOMAINS = range(1, 102)
 """Domains whose ports lie below Linux's ephemeral ports (docs.ros.org, "The ROS_DOMAIN_ID")."""
 PORT_BASE, DOMAIN_GAIN, PARTICIPANT_GAIN, UNICAST = 7400, 250, 2, 10
-"""Where a domain's participants listen (DDSI-RTPS 2.5, 9.6.2.4)."""
+"""Ports on which a domain's participants listen (DDSI-RTPS 2.5, 9.6.2.4)."""
 _UNUSED = 2
 """Between the domain's two multicast ports and its participants' ports: bound by nobody but this."""
 _PARTICIPANTS = 10

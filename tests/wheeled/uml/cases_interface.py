@@ -20,7 +20,7 @@ import pytest
 from tests.wheeled.uml.interfaces import add_vcan, remove, set_up
 
 CAN_ERR_BUSOFF = 0x40
-"""Of linux/can/error.h: in the identifier of an error frame."""
+"""Flags in the identifier of an error frame (linux/can/error.h)."""
 WAIT_S = 10.0
 """Far more than anything here takes, even on the single processor of a user-mode kernel."""
 
