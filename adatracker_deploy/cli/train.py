@@ -58,7 +58,9 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         action="store_true",
         help="tell the policy where the target was last seen, and what it drove since",
     )
-    parser.add_argument("--init", metavar="RUN", help="start from the weights in another run's folder")
+    parser.add_argument(
+        "--init", metavar="RUN|BUNDLE", help="start from the weights in another run's folder, or of a bundle"
+    )
     parser.add_argument("--rate", metavar="R", type=float, help="learning rate (default: the method's)")
     parser.add_argument("--updates", metavar="N", type=int, help="updates in all")
     parser.add_argument("--rounds", metavar="N", type=int, help="rounds of DAgger")
