@@ -58,9 +58,15 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         action="store_true",
         help="tell the policy where the target was last seen, and what it drove since",
     )
-    parser.add_argument("--init", metavar="RUN", help="start from the weights in another run's folder")
+    parser.add_argument(
+        "--init", metavar="RUN|BUNDLE", help="start from the weights in another run's folder, or of a bundle"
+    )
     parser.add_argument("--rate", metavar="R", type=float, help="learning rate (default: the method's)")
     parser.add_argument("--updates", metavar="N", type=int, help="updates in all")
+    parser.add_argument("--critic-updates", metavar="N", type=int, help="updates of awr's critics, at first")
+    parser.add_argument(
+        "--conservative", metavar="W", type=float, help="weight of the conservative term in awr's critics"
+    )
     parser.add_argument("--rounds", metavar="N", type=int, help="rounds of DAgger")
     parser.add_argument("--round-steps", metavar="N", type=int, help="steps visited in each round")
     parser.add_argument("--batch", metavar="N", type=int, help="sequences per batch")
@@ -145,7 +151,7 @@ def _settings(args: argparse.Namespace) -> TrainSettings:
             raise UsageError(f"--variant: unknown {name!r}; known are {', '.join(get_args(Variant))}")
     keys = (
         *("recipe", "method", "init", "rate", "updates", "rounds", "round_steps"),
-        *("batch", "length", "seed", "belief", "bfloat16"),
+        *("critic_updates", "conservative", "batch", "length", "seed", "belief", "bfloat16"),
     )
     given = {key: getattr(args, key) for key in keys if getattr(args, key) is not None}
     return parse(TrainSettings, given | {"variants": sorted(set(args.variant))}, where="train")

@@ -15,6 +15,7 @@ from adatracker_deploy.cli import main
 from adatracker_deploy.learning.data.collect import collect
 from adatracker_deploy.learning.data.recipe import load_recipe
 from adatracker_deploy.learning.train.settings import Variant
+from adatracker_deploy.learning.train.snapshot import read_snapshot
 
 TINY = ("--recipe", "paper", "--rounds", "0", "--batch", "2", "--length", "20", "--threads", "1")
 
@@ -39,6 +40,13 @@ def test_it_ends_with_the_checkpoints_path_and_one_json_object(data, tmp_path, c
     assert (tmp_path / "run" / "policy.pt").is_file()
 
 
+def test_awrs_critics_are_set_by_the_command(data, tmp_path):
+    more = ("--method", "awr", "--critic-updates", "3", "--conservative", "0.05", "--updates", "1")
+    assert main(arguments(data, tmp_path / "run", *more)) == 0
+    kept = read_snapshot(tmp_path / "run").settings
+    assert (kept.critic_updates, kept.conservative) == (3, 0.05)
+
+
 def test_its_help_names_every_variant(capsys):
     with pytest.raises(SystemExit):
         main(["train", "--help"])
@@ -53,6 +61,8 @@ def test_its_help_names_every_variant(capsys):
         (["--updates", "0"], "updates: 0 is out of range"),
         (["--rounds", "-1"], "rounds: -1 is out of range"),
         (["--length", "1"], "length: 1 is out of range"),
+        (["--critic-updates", "0"], "critic_updates: 0 is out of range"),
+        (["--conservative", "-1"], "conservative: -1.0 is out of range"),
         (["--threads", "0"], "--threads: 0 is out of range"),
         (["--device", "warp"], "device 'warp' cannot be used"),
         (["--recipe", "gold"], "unknown recipe 'gold'"),

@@ -7,6 +7,7 @@ import os
 import signal
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 from torch import nn
@@ -15,9 +16,11 @@ from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.checkpoint import load_checkpoint
 from adatracker_deploy.learning.data.collect import collect
 from adatracker_deploy.learning.data.recipe import load_recipe
+from adatracker_deploy.learning.rollout import rollout
 from adatracker_deploy.learning.train import visitor
 from adatracker_deploy.learning.train.run import train
 from adatracker_deploy.learning.train.settings import TrainSettings
+from adatracker_deploy.policy.catalogue import find_bundle
 from tests.tiers import EXHAUSTIVE
 
 TINY = TrainSettings(recipe="paper", updates=6, rounds=1, round_steps=150, batch=2, length=20)
@@ -101,6 +104,23 @@ def test_a_run_begins_with_the_weights_of_another(method, data, whole, tmp_path)
     with pytest.raises(UsageError, match=r"holds no training\.pt"):
         trained(replace(settings, init=str(tmp_path / "none")), data, tmp_path / "other")
     assert not (tmp_path / "other").exists()
+
+
+@pytest.mark.parametrize("believes", [False, True])
+def test_a_run_begins_with_the_weights_of_a_bundle(data, tmp_path, believes):
+    """The shipped one; told a belief, its networks answer as before until they have learned what it means."""
+    settings = replace(TINY, init="adatracker", rate=1e-7, updates=1, rounds=0, belief=believes)
+    checkpoint = load_checkpoint(trained(settings, data, tmp_path / "on"))
+    golden = find_bundle("adatracker").golden
+    answers = rollout(checkpoint, golden["mask"])
+    for name in ("action", "z"):
+        assert np.abs(answers[name] - golden[name]).max() < 1e-4
+
+
+def test_a_run_does_not_begin_with_a_bundle_of_other_networks(data, tmp_path):
+    settings = replace(TINY, init="adatracker", variants=("no-last-action",))
+    with pytest.raises(UsageError, match="its networks differ"):
+        trained(settings, data, tmp_path / "on")
 
 
 def test_an_interrupted_visit_begins_again_and_changes_nothing(data, tmp_path, monkeypatch):

@@ -17,11 +17,13 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 
 from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.learning.bundle_weights import networks_of
 from adatracker_deploy.learning.data.dataset import Dataset
 from adatracker_deploy.learning.data.recipe import load_recipe
 from adatracker_deploy.learning.train.agent import Agent, Sequences
@@ -42,8 +44,15 @@ from adatracker_deploy.learning.train.snapshot import (
     write_snapshot,
 )
 from adatracker_deploy.learning.train.visitor import visit_round
+from adatracker_deploy.policy import belief
+from adatracker_deploy.policy.catalogue import find_bundle
+
+if TYPE_CHECKING:
+    from adatracker_deploy.policy.bundle import Bundle
 
 SNAPSHOT_EVERY_S = 120.0
+_INPUTS = "policy.memory.weight_ih_l0"
+"""What the policy's LSTM makes of its inputs, of which the belief is the last."""
 
 Tell = Callable[[int, float], None]
 """Told, after an update, how many were made and the last loss."""
@@ -98,7 +107,7 @@ def train(
     if snapshot is not None:
         learner.load_state_dict(snapshot.learner)
     elif settings.init is not None:
-        _begin_with(learner.agent, Path(settings.init))
+        _begin_with(learner.agent, settings.init)
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -128,16 +137,44 @@ def _learner(settings: TrainSettings, device: str) -> Learner:
     return learners[settings.method](agent, settings)
 
 
-def _begin_with(agent: Agent, other: Path) -> None:
-    """Take over the networks of another run.
+def _begin_with(agent: Agent, other: str) -> None:
+    """Take over the networks of another run's folder, or of a bundle.
+
+    An agent that is told a belief may begin with networks that are not: it ignores it at first.
 
     Raises:
-        UsageError: there is no run, or its networks differ.
+        UsageError: there is neither, or its networks differ.
     """
-    found = read_snapshot(other)
-    if found.settings.config() != agent.config:
-        raise UsageError(f"{other}: its networks differ: {found.settings.variants or 'nothing'} left out")
-    agent.load_state_dict(found.learner["agent"])
+    if (Path(other) / SNAPSHOT_NAME).exists():
+        found = read_snapshot(Path(other))
+        config, weights = found.settings.config(), found.learner["agent"]
+    else:
+        networks = networks_of(_bundle(other))
+        config = networks.policy.config
+        known = {"policy": networks.policy, "encoder": networks.encoder}
+        weights = agent.state_dict() | {
+            f"{part}.{name}": value
+            for part, module in known.items()
+            if module is not None
+            for name, value in module.state_dict().items()
+        }
+    if agent.config.belief and not config.belief:
+        config = replace(config, belief=True)
+        blank = agent.state_dict()[_INPUTS].clone().zero_()
+        blank[:, : -belief.SIZE] = weights[_INPUTS]
+        weights = weights | {_INPUTS: blank}
+    if config != agent.config:
+        raise UsageError(f"{other}: its networks differ: {config}, not {agent.config}")
+    agent.load_state_dict(weights)
+
+
+def _bundle(name_or_dir: str) -> Bundle:
+    try:
+        return find_bundle(name_or_dir)
+    except UsageError as error:
+        raise UsageError(
+            f"{name_or_dir}: holds no {SNAPSHOT_NAME} of a run, and is no bundle: {error}"
+        ) from error
 
 
 class _Run:

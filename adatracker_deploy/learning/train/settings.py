@@ -35,7 +35,7 @@ class TrainSettings:
     consistency task, the encoder, the policy's LSTM, the last action as an input of the policy, the search
     labels of DAgger (`data/search.py`)."""
     init: str | None = None
-    """Folder of another run, whose weights this one begins with, heads and critics aside."""
+    """Folder of another run, or a bundle, whose weights this one begins with, heads and critics aside."""
     rate: Annotated[float, Range(1e-7, 1e-1)] | None = None
     """Learning rate at the start, instead of the method's own."""
     seed: Annotated[int, Range(0, 1 << 31)] = 0
