@@ -23,23 +23,11 @@ import pytest
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-ALONE = ("e2e/", "outside/")
+ALONE = ("e2e", "outside")
 UNTIMED = ("test_operator_stop.py", "test_rehearsal_alone.py")
 """Files there that time nothing, and so run beside others."""
 ELSEWHERE = ("test_ros2_rehearsal.py", "test_ros2_stops.py")
 """Whole rehearsals that stand with their robot's other tests."""
-ALSO_WAITING = (
-    *("runtime/test_remote_stops.py", "testing/test_conformance_catches.py", "unreal/test_world.py"),
-    *("wheeled/test_engage_and_stop.py", "wheeled/test_one_owner.py", "wheeled/test_wheeled_conformance.py"),
-    *("wheeled/test_wheeled_faults.py", "wheeled/test_wheeled_sends.py"),
-)
-"""Files that keep a core busy for less than a third of their time, though few of their tests are slow."""
-BUSY = (
-    *("drone/test_rehearsal_alone.py", "e2e/test_operator_stop.py", "perception/test_leaks.py"),
-    *("perception/test_mjpeg.py", "quadruped/test_engage_and_stop.py", "quadruped/test_fuzz.py"),
-    *("quadruped/test_sitl.py", "quadruped/test_sitl_stops.py", "ros2/", "wheeled/test_socketcan.py"),
-)
-"""Files that drive robots, too, but keep half a core busy or were not measured: two run side by side."""
 TESTS = Path(__file__).parent
 SHARES = 6
 POLL_S = 0.02
@@ -54,7 +42,7 @@ class Takes(enum.IntEnum):
 
 
 _waiting: set[Path] = set()
-"""Files that drive robots, and so mostly wait."""
+"""Files that mostly wait."""
 _turns = contextlib.ExitStack()
 """The turn that this worker holds: from the first test of a file to its last."""
 _held: list[Path] = []
@@ -62,19 +50,19 @@ _held: list[Path] = []
 
 def takes(path: Path) -> Takes:
     """Return what a file takes, once its tests were collected."""
-    name = path.relative_to(TESTS).as_posix() if path.is_relative_to(TESTS) else ""
-    if (name.startswith(ALONE) and path.name not in UNTIMED) or path.name in ELSEWHERE:
+    alone = path.is_relative_to(TESTS) and path.relative_to(TESTS).parts[0] in ALONE
+    if (alone and path.name not in UNTIMED) or path.name in ELSEWHERE:
         return Takes.ALL
-    return Takes.WAITING if path in _waiting and not name.startswith(BUSY) else Takes.COMPUTING
+    return Takes.WAITING if path in _waiting else Takes.COMPUTING
 
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(items):
-    """Let files that compute come first, then those that drive robots, then whole rehearsals."""
-    _waiting.update(TESTS / name for name in ALSO_WAITING)
+    """Let files that compute come first, then those that wait, then whole rehearsals."""
     real_time = (item for item in items if item.get_closest_marker("realtime"))
     _waiting.update(item.path for item in real_time if item.get_closest_marker("slow"))
-    items.sort(key=lambda item: (takes(item.path) is Takes.ALL, item.path in _waiting))
+    order = (Takes.COMPUTING, Takes.WAITING, Takes.ALL)
+    items.sort(key=lambda item: order.index(takes(item.path)))
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
