@@ -1,9 +1,10 @@
 """What all tests share: figures that are shown after the run, and robots that drive in real time.
 
-Tests run in three processes, a file at a time (``-n 3 --dist loadfile``), of which two compute, or three wait
-for a robot, or one rehearses (`turns`). Before a file of real-time tests what earlier ones left is collected,
-once; and a real-time test that failed while the machine itself stood still is run again (`reruns`), which is
-shown after the run and counted. What only repeats a claim is left to the night (`tiers`).
+Tests run in two processes, a file at a time (``-n 2 --dist loadfile``). Files that drive robots for long come
+late, so that two cores then have two robots at most and nothing else, and whole rehearsals come last, one at
+a time (`alone`). Before a file of real-time tests what earlier ones left is collected, once; and a real-time
+test that failed while the machine itself stood still is run again (`reruns`), which is shown after the run
+and counted. What only repeats a claim is left to the night (`tiers`).
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from pathlib import Path
 import hypothesis
 import pytest
 
-pytest_plugins = ["tests.turns", "tests.reruns", "tests.tiers"]
+pytest_plugins = ["tests.alone", "tests.reruns", "tests.tiers"]
 
 IN_CI = bool(os.environ.get("CI"))
 """There the same examples are drawn each time, so that a change is judged by what it changes."""
@@ -50,10 +51,16 @@ def measured(record_property):
 
 
 def pytest_collection_modifyitems(items):
+    from tests.alone import is_alone  # not before pytest has loaded that plugin and rewritten its asserts
+
+    late = set()
     for item in items:
         path = item.path.relative_to(TESTS).as_posix() if item.path.is_relative_to(TESTS) else ""
         if path.startswith(REAL_TIME):
             item.add_marker("realtime")
+            if item.get_closest_marker("slow"):
+                late.add(item.path)
+    items.sort(key=lambda item: (is_alone(item.path), item.path in late))
 
 
 def pytest_terminal_summary(terminalreporter):

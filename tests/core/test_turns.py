@@ -1,18 +1,16 @@
-"""Turns of test files: two that compute, three that wait, or one alone."""
+"""Turns of test files: one alone, others side by side."""
 
 import multiprocessing
 import time
 
-import pytest
-
-from tests.turns import Takes, turn
+from tests.alone import turn
 
 HELD_S = 0.2
 
 
-def hold(path, takes, name, told, ready):
+def hold(path, alone, name, told, ready):
     ready.wait()
-    with turn(path, takes):
+    with turn(path, alone=alone):
         told.put((name, "begins", time.monotonic()))
         time.sleep(HELD_S)
         told.put((name, "ends", time.monotonic()))
@@ -23,8 +21,8 @@ def run(path, *kinds):
     context = multiprocessing.get_context("spawn")
     told, ready = context.Queue(), context.Barrier(len(kinds))
     processes = []
-    for name, takes in kinds:
-        processes.append(context.Process(target=hold, args=(path, takes, name, told, ready)))
+    for name, alone in kinds:
+        processes.append(context.Process(target=hold, args=(path, alone, name, told, ready)))
         processes[-1].start()
     moments = [told.get(timeout=30.0) for _ in range(2 * len(kinds))]
     for process in processes:
@@ -33,8 +31,7 @@ def run(path, *kinds):
 
 
 def test_one_that_is_alone_is_beside_nobody(tmp_path):
-    some, whole = Takes.WAITING, Takes.ALL
-    moments = run(tmp_path / "run", ("a", some), ("b", whole), ("c", whole), ("d", some))
+    moments = run(tmp_path / "run", ("a", False), ("b", True), ("c", True), ("d", False))
     at = {(name, what): at_s for name, what, at_s in moments}
     for lonely in "bc":
         for other in set("abcd") - {lonely}:
@@ -43,18 +40,7 @@ def test_one_that_is_alone_is_beside_nobody(tmp_path):
             assert before or after, moments
 
 
-@pytest.mark.parametrize(("takes", "most"), [(Takes.COMPUTING, 2), (Takes.WAITING, 3)])
-def test_no_more_are_side_by_side_than_the_machine_is_shared_by(tmp_path, takes, most):
-    beside, seen = 0, []
-    for _, what, _ in run(tmp_path / "run", *((name, takes) for name in "abcde")):
-        beside += 1 if what == "begins" else -1
-        seen.append(beside)
-    assert max(seen) <= most
-
-
-def test_as_many_are_side_by_side_as_the_machine_is_shared_by(tmp_path):
+def test_others_are_side_by_side(tmp_path):
     path = tmp_path / "run"
-    with turn(path, Takes.WAITING), turn(path, Takes.WAITING), turn(path, Takes.WAITING):
-        pass
-    with turn(path, Takes.COMPUTING), turn(path, Takes.COMPUTING):
+    with turn(path, alone=False), turn(path, alone=False):
         pass
