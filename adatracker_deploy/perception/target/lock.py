@@ -50,11 +50,15 @@ _MARGIN = 0.03
 _MARGIN_BEFORE = 0.06
 """Required margin over that person's own similarity beside the target: crossing tracks may have been
 swapped."""
+_MARGIN_TOGETHER = 0.07
+"""What is required beyond `_MARGIN` of somebody who was in view together with the target: they are somebody
+else, unless the two were swapped."""
 _CONFIRM = 3
 """Consecutive images that must agree."""
 _REACH, _REACH_PER_S = 1.5, 2.5
 """Reach from where the target was lost, in the target's heights: people are 1.7 m tall and run at 4 m/s."""
-_OTHER_SIZE = 0.5
+_OTHER_SIZE, _OTHER_SIZE_PER_S = 2.0, 0.5
+"""Ratio of heights from which on it is nobody who was lost: who is gone for longer may have come nearer."""
 
 
 class Locked(NamedTuple):
@@ -92,7 +96,9 @@ class _Other:
     alike: float | None = None
     """Smoothed similarity to the target; None before the person was seen unoccluded."""
     alike_beside: float | None = None
-    """The same while the target stood free beside them; None if it never did."""
+    """The same while the target stood free beside them, and looked more like itself; None if it never did."""
+    together: bool = False
+    """Whether they were seen in one picture with the target."""
     agreed: int = 0
     """Consecutive images in which the person looked like the lost target."""
 
@@ -157,7 +163,7 @@ class TargetLock:
             target = _with_sight(
                 target, boxes[place], looks[place], float(alike[place]), free=bool(free[place])
             )
-        beside = place is not None and bool(free[place])
+        beside = None if place is None or not free[place] else float(alike[place])
         known: list[tuple[int, _Other]] = []
         for box in range(len(boxes)):
             if box == place:
@@ -169,8 +175,9 @@ class TargetLock:
             else:
                 continue
             if free[box]:
-                other = _compared(other, float(alike[box]), target, beside=beside)
-            known.append((box, other))
+                sure = beside is not None and float(alike[box]) <= beside
+                other = _compared(other, float(alike[box]), target, beside=sure)
+            known.append((box, replace(other, together=other.together or place is not None)))
         unseen = [other for row, other in enumerate(others) if row not in theirs.values()]
         again = _taken_back(known, target, free) if was_lost else None
         if again is not None:
@@ -258,7 +265,8 @@ def _likeliest_other(
 ) -> float:
     """Return the highest similarity of anybody else to the target, now or smoothed; 0 if there is nobody.
 
-    Occluded people use their smoothed similarity; people who were as similar beside the target do not count.
+    Occluded people use their smoothed similarity; people who were as similar beside the target do not count,
+    and those who were in view with it count for less.
     """
     now = [
         (float(alike[box]), others[theirs[box]] if box in theirs else None)
@@ -267,7 +275,11 @@ def _likeliest_other(
     ]
     of_late = [(other.alike, other) for other in others if other.alike is not None]
     return max(
-        (alike for alike, other in (*now, *of_late) if other is None or _more_than_beside(alike, other)),
+        (
+            alike - (_MARGIN_TOGETHER if other is not None and other.together else 0.0)
+            for alike, other in (*now, *of_late)
+            if other is None or _more_than_beside(alike, other)
+        ),
         default=0.0,
     )
 
@@ -293,9 +305,16 @@ def _more_than_beside(alike: float, other: _Other) -> bool:
 
 
 def _taken_back(known: list[tuple[int, _Other]], target: _Target, free: NDArray[np.bool_]) -> int | None:
-    """Return the index in `known` of the reacquired target; None while nobody is certain."""
+    """Return the index in `known` of the reacquired target; None while nobody is certain.
+
+    Who was as similar beside the target is somebody else, and no rival of who may be it.
+    """
     ranked = sorted(
-        ((other.alike, place) for place, (_, other) in enumerate(known) if other.alike is not None),
+        (
+            (other.alike, place)
+            for place, (_, other) in enumerate(known)
+            if other.alike is not None and _more_than_beside(other.alike, other)
+        ),
         reverse=True,
     )
     if not ranked:
@@ -312,8 +331,7 @@ def _taken_back(known: list[tuple[int, _Other]], target: _Target, free: NDArray[
         and other.agreed >= _CONFIRM
         and _agrees(alike, target)
         and alike - next_best > _MARGIN
-        and _more_than_beside(alike, other)
-        and _OTHER_SIZE < taller < 1 / _OTHER_SIZE
+        and max(taller, 1 / taller) < _OTHER_SIZE + _OTHER_SIZE_PER_S * target.person.unseen_s
         and far < _REACH + _REACH_PER_S * target.person.unseen_s
     )
     return place if sure else None
