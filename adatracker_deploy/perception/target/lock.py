@@ -50,9 +50,6 @@ _MARGIN = 0.03
 _MARGIN_BEFORE = 0.06
 """Required margin over that person's own similarity beside the target: crossing tracks may have been
 swapped."""
-_MARGIN_TOGETHER = 0.07
-"""What is required beyond `_MARGIN` of somebody who was in view together with the target: they are somebody
-else, unless the two were swapped."""
 _CONFIRM = 3
 """Consecutive images that must agree."""
 _REACH, _REACH_PER_S = 1.5, 2.5
@@ -97,8 +94,6 @@ class _Other:
     """Smoothed similarity to the target; None before the person was seen unoccluded."""
     alike_beside: float | None = None
     """The same while the target stood free beside them, and looked more like itself; None if it never did."""
-    together: bool = False
-    """Whether they were seen in one picture with the target."""
     agreed: int = 0
     """Consecutive images in which the person looked like the lost target."""
 
@@ -177,7 +172,7 @@ class TargetLock:
             if free[box]:
                 sure = beside is not None and float(alike[box]) <= beside
                 other = _compared(other, float(alike[box]), target, beside=sure)
-            known.append((box, replace(other, together=other.together or place is not None)))
+            known.append((box, other))
         unseen = [other for row, other in enumerate(others) if row not in theirs.values()]
         again = _taken_back(known, target, free) if was_lost else None
         if again is not None:
@@ -265,8 +260,7 @@ def _likeliest_other(
 ) -> float:
     """Return the highest similarity of anybody else to the target, now or smoothed; 0 if there is nobody.
 
-    Occluded people use their smoothed similarity; people who were as similar beside the target do not count,
-    and those who were in view with it count for less.
+    Occluded people use their smoothed similarity; people who were as similar beside the target do not count.
     """
     now = [
         (float(alike[box]), others[theirs[box]] if box in theirs else None)
@@ -275,11 +269,7 @@ def _likeliest_other(
     ]
     of_late = [(other.alike, other) for other in others if other.alike is not None]
     return max(
-        (
-            alike - (_MARGIN_TOGETHER if other is not None and other.together else 0.0)
-            for alike, other in (*now, *of_late)
-            if other is None or _more_than_beside(alike, other)
-        ),
+        (alike for alike, other in (*now, *of_late) if other is None or _more_than_beside(alike, other)),
         default=0.0,
     )
 

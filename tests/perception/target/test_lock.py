@@ -156,17 +156,6 @@ def test_a_target_that_stood_beside_whom_the_lock_had_taken_for_it_is_taken_back
     assert said[-1] == (TRACKED, 0)
 
 
-def test_who_stood_half_before_the_target_is_not_it_for_looking_a_little_more_like_it():
-    """Looks vary: position decides, unless somebody else looks much more like the target."""
-    own = _looks([0])
-    target, other = (np.array([(left, 20, left + 40, 120)], np.float32) for left in (100, 115))
-    beside = other + np.float32([45, 0, 45, 0])
-    together = np.vstack((target, other)), np.concatenate((own, _mixture(0.15)))
-    apart = np.vstack((target, beside)), np.concatenate((_mixture(0.28), _mixture(0.15)))
-    said = _said((target, own), [*[(target, own)] * 60, *[together] * 5, *[apart] * 20])
-    assert set(said) == {(TRACKED, 0)}
-
-
 def _mixture(share):
     """A look of which a share is not the target's: their likeness is the root of the rest."""
     return np.sqrt((1 - share) * np.square(_looks([0])) + share * np.square(_looks([2])))
