@@ -35,14 +35,16 @@ from adatracker_deploy.core.messages import ClassMask, MaskClass, at_size
 from adatracker_deploy.core.task import DESIRED_DISTANCE_M
 from adatracker_deploy.perception.jpeg import developed
 from adatracker_deploy.perception.segmenters import EMBEDDED, open_segmenter
+from adatracker_deploy.perception.target.choice import Choice
 from adatracker_deploy.sim import World, scene_names
 from adatracker_deploy.sim.noise import NOISE, MaskNoise, NoiseSettings
 from adatracker_deploy.sim.studio import Eye
-from benchmarks.identity import CAMERA_M, FOV_RAD, MIDDLE, RATE_HZ, VISIBLE, following
+from benchmarks.identity import CAMERA_M, FOV_RAD, RATE_HZ, VISIBLE, following
 
 SECONDS = 60
 SIZE = 64
 RAGGED_PX = (1, 2, 3)
+MIDDLE = Choice(numbers=(0.5, 0.5))
 
 
 @dataclass(slots=True)

@@ -114,7 +114,7 @@ class World:
         self._obstacles, self._seed, self._t_s, self._cast = obstacles, seed, 0.0, tuple(cast)
         self._effects = effects
         self._renderer: Renderer | None = None
-        self._show_people()
+        self._staged = self._posed = False
 
     @property
     def target_xy(self) -> tuple[float, float]:
@@ -136,8 +136,7 @@ class World:
         self._t_s += dt_s
         for _ in range(strides):
             self._stride(dt_s / strides, robot)
-        if strides:
-            self._show_people()
+            self._staged = self._posed = False
 
     def render(
         self, camera: Pose, fov_rad: float, height: int, width: int
@@ -150,10 +149,12 @@ class World:
             height: rows, px.
             width: columns, px.
         """
+        self._stage_people()
         return self._camera.image(camera, fov_rad, height, width)
 
     def render_mask(self, camera: Pose, fov_rad: float, height: int, width: int) -> ClassMask:
         """Return the class mask alone, equal to `render`'s."""
+        self._stage_people()
         return self._camera.mask(camera, fov_rad, height, width)
 
     def picture(
@@ -169,6 +170,7 @@ class World:
         """
         if self._renderer is None:
             self._renderer = self._rendered()
+        self._pose_people(self._renderer)
         return self._renderer.draw(camera, fov_rad, height, width)
 
     def collides(self, x: float, y: float, z: float, radius_m: float) -> bool:
@@ -224,18 +226,22 @@ class World:
             walker.step(dt_s, self._room(robot, skip=index))
             gait.walk(math.dist((x, y), (walker.x, walker.y)), dt_s)
 
-    def _show_people(self) -> None:
-        for index, (walker, gait) in enumerate(zip(self._walkers, self._gaits, strict=True)):
-            foot = (walker.x, walker.y, self.ground_z(walker.x, walker.y))
-            self._stage.move_person(index, foot, walker.heading, gait)
-            if self._renderer is not None:
-                self._renderer.place(
-                    index,
-                    foot,
-                    walker.heading,
-                    gait,
-                    self._t_s,
-                )
+    def _stage_people(self) -> None:
+        """Place everybody for the ray caster, unless they are; only who is looked at costs time."""
+        if not self._staged:
+            for index, (walker, gait) in enumerate(zip(self._walkers, self._gaits, strict=True)):
+                self._stage.move_person(index, self._foot(walker), walker.heading, gait)
+            self._staged = True
+
+    def _pose_people(self, renderer: Renderer) -> None:
+        """Place everybody for pictures, unless they are."""
+        if not self._posed:
+            for index, (walker, gait) in enumerate(zip(self._walkers, self._gaits, strict=True)):
+                renderer.place(index, self._foot(walker), walker.heading, gait, self._t_s)
+            self._posed = True
+
+    def _foot(self, walker: Walker) -> tuple[float, float, float]:
+        return walker.x, walker.y, self.ground_z(walker.x, walker.y)
 
     def _rendered(self) -> Renderer:
         """Return the renderer of this world; who plays whom and the hour follow from the seed."""
@@ -253,16 +259,13 @@ class World:
             cloudy=float(rng.uniform(0.0, 0.8)),
             fog_m=self._effects.fog_m,
         )
-        renderer = Renderer(
+        return Renderer(
             self.scene,
             obstacles=self._obstacles,
             people=[people[at % len(people)] for at in range(len(self._walkers))],
             daylight=daylight,
             seed=self._seed,
         )
-        self._renderer = renderer
-        self._show_people()
-        return renderer
 
     def _room(self, robot: Pose | None, *, skip: int | None) -> Clearance:
         """Return the clearance of a person who avoids obstacles, the robot and everybody else."""

@@ -54,7 +54,8 @@ _CONFIRM = 3
 """Consecutive images that must agree."""
 _REACH, _REACH_PER_S = 1.5, 2.5
 """Reach from where the target was lost, in the target's heights: people are 1.7 m tall and run at 4 m/s."""
-_OTHER_SIZE = 0.5
+_OTHER_SIZE, _OTHER_SIZE_PER_S = 2.0, 0.5
+"""Ratio of heights from which on it is nobody who was lost: who is gone for longer may have come nearer."""
 
 
 class Locked(NamedTuple):
@@ -92,7 +93,7 @@ class _Other:
     alike: float | None = None
     """Smoothed similarity to the target; None before the person was seen unoccluded."""
     alike_beside: float | None = None
-    """The same while the target stood free beside them; None if it never did."""
+    """The same while the target stood free beside them, and looked more like itself; None if it never did."""
     agreed: int = 0
     """Consecutive images in which the person looked like the lost target."""
 
@@ -157,7 +158,7 @@ class TargetLock:
             target = _with_sight(
                 target, boxes[place], looks[place], float(alike[place]), free=bool(free[place])
             )
-        beside = place is not None and bool(free[place])
+        beside = None if place is None or not free[place] else float(alike[place])
         known: list[tuple[int, _Other]] = []
         for box in range(len(boxes)):
             if box == place:
@@ -169,7 +170,8 @@ class TargetLock:
             else:
                 continue
             if free[box]:
-                other = _compared(other, float(alike[box]), target, beside=beside)
+                sure = beside is not None and float(alike[box]) <= beside
+                other = _compared(other, float(alike[box]), target, beside=sure)
             known.append((box, other))
         unseen = [other for row, other in enumerate(others) if row not in theirs.values()]
         again = _taken_back(known, target, free) if was_lost else None
@@ -293,9 +295,16 @@ def _more_than_beside(alike: float, other: _Other) -> bool:
 
 
 def _taken_back(known: list[tuple[int, _Other]], target: _Target, free: NDArray[np.bool_]) -> int | None:
-    """Return the index in `known` of the reacquired target; None while nobody is certain."""
+    """Return the index in `known` of the reacquired target; None while nobody is certain.
+
+    Who was as similar beside the target is somebody else, and no rival of who may be it.
+    """
     ranked = sorted(
-        ((other.alike, place) for place, (_, other) in enumerate(known) if other.alike is not None),
+        (
+            (other.alike, place)
+            for place, (_, other) in enumerate(known)
+            if other.alike is not None and _more_than_beside(other.alike, other)
+        ),
         reverse=True,
     )
     if not ranked:
@@ -312,8 +321,7 @@ def _taken_back(known: list[tuple[int, _Other]], target: _Target, free: NDArray[
         and other.agreed >= _CONFIRM
         and _agrees(alike, target)
         and alike - next_best > _MARGIN
-        and _more_than_beside(alike, other)
-        and _OTHER_SIZE < taller < 1 / _OTHER_SIZE
+        and max(taller, 1 / taller) < _OTHER_SIZE + _OTHER_SIZE_PER_S * target.person.unseen_s
         and far < _REACH + _REACH_PER_S * target.person.unseen_s
     )
     return place if sure else None

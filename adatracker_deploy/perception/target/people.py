@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 _SMOOTHING = 0.4
 """Share of a new measurement in a velocity."""
 _DRIFT_S = 1.0
-"""Time out of sight after which no constant velocity is assumed."""
+"""Time out of sight after which no constant velocity is assumed, and the size no longer follows the camera's
+zoom, which is the background's."""
 _WIDEN, _WIDEN_PER_S, _WIDEST = 0.2, 0.5, 1.0
 """Boxes are compared with margins of this share of their sides, more the longer somebody was out of sight:
 two boxes of a fast person a picture apart need not touch (Yang et al. 2023, "Hard to track objects with
@@ -58,7 +59,7 @@ class Person:
         corners = corners @ motion[:, :2].T + motion[:, 2]
         box = np.hstack((corners.min(axis=0), corners.max(axis=0)))
         # A camera that rolls would let the box of somebody out of sight grow; only its zoom counts.
-        zoom = float(np.hypot(motion[0, 0], motion[1, 0]))
+        zoom = float(np.hypot(motion[0, 0], motion[1, 0])) if self.unseen_s <= _DRIFT_S else 1.0
         half = (self.box[2:] - self.box[:2]) * zoom / 2
         middle = (box[:2] + box[2:]) / 2
         return replace(self, box=np.hstack((middle - half, middle + half)), unseen_s=self.unseen_s + dt_s)

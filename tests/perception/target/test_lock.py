@@ -125,6 +125,54 @@ def test_a_twin_who_stood_beside_the_target_is_not_taken_for_them():
     assert states(said)[-1] is LOST
 
 
+def test_a_twin_who_stood_beside_the_target_is_no_reason_not_to_take_it_back():
+    walkers = [
+        Walker("red", steady(150), here=lambda t_s: not 2 < t_s < 4),
+        Walker("red", steady(300)),
+    ]
+    said = follow(walkers, 7)
+    assert set(followed(said)) == {0, None}
+    assert states(said)[-1] is TRACKED
+
+
+@pytest.mark.parametrize(("gone_s", "last"), [(1.5, LOST), (3.0, TRACKED)])
+def test_who_was_gone_for_longer_may_have_come_nearer(gone_s, last):
+    walkers = [
+        Walker("red", steady(200), here=lambda t_s: t_s < 2, tall=50),
+        Walker("red", steady(200), here=lambda t_s: t_s >= 2 + gone_s, tall=150),
+    ]
+    assert states(follow(walkers, 2 + gone_s + 0.4))[-1] is last
+
+
+def test_a_target_that_stood_beside_whom_the_lock_had_taken_for_it_is_taken_back():
+    """It is no stranger because the lock was wrong: the target looks more like itself."""
+    here, elsewhere = np.array([(100, 20, 140, 120)], np.float32), np.array([(200, 20, 240, 120)], np.float32)
+    own = _looks([0])
+    alone, wrong = (here, own), (here, _mixture(0.4))
+    both = np.vstack((here, elsewhere)), np.concatenate((_mixture(0.4), own))
+    pictures = [wrong, *[both] * 15, *[(elsewhere, own)] * 40]
+    said = _said(alone, pictures)
+    assert [place for _, place in said[1:10]] == [0] * 9  # the lock is wrong
+    assert said[-1] == (TRACKED, 0)
+
+
+def _mixture(share):
+    """A look of which a share is not the target's: their likeness is the root of the rest."""
+    return np.sqrt((1 - share) * np.square(_looks([0])) + share * np.square(_looks([2])))
+
+
+def _said(first, pictures):
+    """The state and the place that the lock gives for each (boxes, looks), 20 a second."""
+    lock = TargetLock()
+    lock.choose(0, *first, 0)
+    said = []
+    for number, (boxes, looks) in enumerate(pictures, start=1):
+        scores = np.full(len(boxes), 0.9, np.float32)
+        answer = lock.update(boxes, scores, looks, STILL, number * 50_000_000)
+        said.append((answer.state, answer.place))
+    return said
+
+
 def test_nothing_is_learnt_of_a_target_that_is_half_covered():
     """Or who looks like target and passer-by together would be taken for the target later."""
     own, passers = _looks([0]), _looks([2])

@@ -70,6 +70,16 @@ def test_a_camera_that_zooms_makes_them_larger():
     assert person.box == pytest.approx(BOX * 1.2)
 
 
+def test_who_is_out_of_sight_for_longer_than_a_second_grows_no_more_as_the_background_does():
+    person, zoom = Person.new(BOX, look()), np.array([[1.05, 0, 0], [0, 1.05, 0]])
+    tall = []
+    for _ in range(60):
+        person = person.expected(zoom, 0.05)
+        tall.append(person.box[3] - person.box[1])
+    assert tall[18] > 200
+    assert tall[-1] == pytest.approx(tall[25])
+
+
 def test_only_a_look_that_is_given_is_learnt():
     person = Person.new(BOX, look(0))
     assert person.seen(BOX, None, 0.1).look is person.look
