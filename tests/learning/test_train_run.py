@@ -13,9 +13,11 @@ import torch
 from torch import nn
 
 from adatracker_deploy.core.errors import UsageError
-from adatracker_deploy.learning.checkpoint import load_checkpoint
+from adatracker_deploy.learning.bundle_weights import networks_of
+from adatracker_deploy.learning.checkpoint import load_checkpoint, save_checkpoint
 from adatracker_deploy.learning.data.collect import collect
 from adatracker_deploy.learning.data.recipe import load_recipe
+from adatracker_deploy.learning.export import export_checkpoint
 from adatracker_deploy.learning.rollout import rollout
 from adatracker_deploy.learning.train import visitor
 from adatracker_deploy.learning.train.run import train
@@ -119,8 +121,24 @@ def test_a_run_begins_with_the_weights_of_a_bundle(data, tmp_path, believes):
 
 def test_a_run_does_not_begin_with_a_bundle_of_other_networks(data, tmp_path):
     settings = replace(TINY, init="adatracker", variants=("no-last-action",))
-    with pytest.raises(UsageError, match="its networks differ"):
+    with pytest.raises(UsageError, match="its networks differ: last_action True, not False"):
         trained(settings, data, tmp_path / "on")
+
+
+def test_a_run_does_not_begin_with_a_bundle_that_sees_or_drives_otherwise(data, tmp_path):
+    checkpoint = networks_of(find_bundle("adatracker"))
+    turned = replace(checkpoint.meta, action=tuple(reversed(checkpoint.meta.action)))
+    save_checkpoint(tmp_path / "turned.pt", checkpoint.encoder, checkpoint.policy, turned)
+    export_checkpoint(tmp_path / "turned.pt", tmp_path / "turned")
+    with pytest.raises(UsageError, match="its masks, its action or its rate are not those"):
+        trained(replace(TINY, init=str(tmp_path / "turned")), data, tmp_path / "on")
+
+
+def test_without_an_lstm_a_run_that_is_told_a_belief_begins_with_none_that_is_not(data, tmp_path):
+    settings = replace(TINY, variants=("no-lstm",), updates=1, rounds=0)
+    trained(settings, data, tmp_path / "before")
+    with pytest.raises(UsageError, match="its networks differ: belief False, not True"):
+        trained(replace(settings, init=str(tmp_path / "before"), belief=True), data, tmp_path / "on")
 
 
 def test_an_interrupted_visit_begins_again_and_changes_nothing(data, tmp_path, monkeypatch):

@@ -15,7 +15,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,8 +24,11 @@ import torch
 
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.bundle_weights import networks_of
+from adatracker_deploy.learning.checkpoint import ADATRACKER_MASK
 from adatracker_deploy.learning.data.dataset import Dataset
 from adatracker_deploy.learning.data.recipe import load_recipe
+from adatracker_deploy.learning.episode_spec import RATE_HZ
+from adatracker_deploy.learning.tracking import ACTION
 from adatracker_deploy.learning.train.agent import Agent, Sequences
 from adatracker_deploy.learning.train.awr import Awr
 from adatracker_deploy.learning.train.cloning import Cloning
@@ -150,7 +153,11 @@ def _begin_with(agent: Agent, other: str) -> None:
         config, weights = found.settings.config(), found.learner["agent"]
     else:
         networks = networks_of(_bundle(other))
-        config = networks.policy.config
+        meta, config = networks.meta, networks.policy.config
+        if (meta.mask, meta.action, meta.rate_hz) != (ADATRACKER_MASK, ACTION, RATE_HZ):
+            raise UsageError(
+                f"{other}: its masks, its action or its rate are not those that are trained here"
+            )
         known = {"policy": networks.policy, "encoder": networks.encoder}
         weights = agent.state_dict() | {
             f"{part}.{name}": value
@@ -158,13 +165,15 @@ def _begin_with(agent: Agent, other: str) -> None:
             if module is not None
             for name, value in module.state_dict().items()
         }
-    if agent.config.belief and not config.belief:
+    if agent.config.belief and not config.belief and config.lstm and agent.config.lstm:
         config = replace(config, belief=True)
         blank = agent.state_dict()[_INPUTS].clone().zero_()
         blank[:, : -belief.SIZE] = weights[_INPUTS]
         weights = weights | {_INPUTS: blank}
-    if config != agent.config:
-        raise UsageError(f"{other}: its networks differ: {config}, not {agent.config}")
+    for field in fields(config):
+        theirs, ours = getattr(config, field.name), getattr(agent.config, field.name)
+        if theirs != ours:
+            raise UsageError(f"{other}: its networks differ: {field.name} {theirs!r}, not {ours!r}")
     agent.load_state_dict(weights)
 
 
