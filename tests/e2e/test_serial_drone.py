@@ -9,6 +9,7 @@ import time
 import pytest
 import yaml
 
+from adatracker_deploy.faults.matrix import STOPPED
 from adatracker_deploy.registry import profile_dir
 from adatracker_deploy.trial.reader import read_trial
 from tests.by_hand import simulator_by_hand
@@ -65,6 +66,7 @@ def test_a_cable_that_is_pulled_ends_the_trial_and_the_autopilot_lands_by_itself
     halted_s, down_s = station.wait_until_halted(onset_s), station.wait_until_down(onset_s)
     status, summary, err = flight.end(timeout_s=60)
     measured(f"drone, serial cable pulled: below 0.3 m/s after {halted_s:.2f} s, down after {down_s:.1f} s")
-    assert (status, summary["outcome"]) == (1, "system_fault"), err
+    assert status == 1, err
+    assert summary["outcome"] in STOPPED, err  # whether the loop or the link is the first to miss the drone
     assert "from the drone" in summary["reason"]
     assert halted_s < AUTOPILOTS_OWN_S
