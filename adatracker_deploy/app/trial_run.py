@@ -35,7 +35,7 @@ from adatracker_deploy.runtime.black_box import FILE_NAME
 from adatracker_deploy.runtime.dry_run import DryRun
 from adatracker_deploy.runtime.engagement import Engagement
 from adatracker_deploy.runtime.link_process import LinkProcess
-from adatracker_deploy.runtime.loop import Ending, Loop
+from adatracker_deploy.runtime.loop import Ending, Loop, stopped_by
 from adatracker_deploy.runtime.operator_stop import StopRequest
 from adatracker_deploy.runtime.scheduling import obtained
 from adatracker_deploy.runtime.sleep_inhibitor import inhibited
@@ -232,7 +232,8 @@ class _Trial:
         wanted = "waiting for a click on the person" if by_click else "looking for the person"
         self._tell(f"{wanted}, for {patience_s:g} s at most")
         self._in_phase("looking")
-        self._await_first_sight(perception, patience_s)
+        if ending := self._await_first_sight(perception, patience_s):
+            return ending
         self.perception = perception
         plan.policy.reset(plan.scenario.seed)
         camera.go()
@@ -269,11 +270,13 @@ class _Trial:
             if start_line.open():
                 return
 
-    def _await_first_sight(self, perception: Perception, patience_s: float) -> None:
-        """Wait, standing still, until the target is seen."""
+    def _await_first_sight(self, perception: Perception, patience_s: float) -> Ending | None:
+        """Wait, standing still, until the target is seen; return why the link stopped the robot meanwhile."""
         deadline_s = time.monotonic() + patience_s
-        for _ in self.engagement.statuses(math.inf):
+        for status in self.engagement.statuses(math.inf):
             self.stop.insist()
+            if ending := stopped_by(status):
+                return ending
             self.link.send(ZERO, self.clock.now_ns())
             try:
                 seen = perception.newest()
@@ -283,9 +286,10 @@ class _Trial:
                 self.log.look(seen.frame, seen.observation, self.clock.now_ns())
                 self._take_clicks(perception, seen)
             if seen is not None and seen.observation.box is not None:
-                return
+                break
             if time.monotonic() > deadline_s:
                 raise PlatformError(f"no person was seen within {patience_s:g} s")
+        return None
 
     def _observe(self, perception: Perception, patience_s: float) -> Seen | None:
         self.stop.insist()

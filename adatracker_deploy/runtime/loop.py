@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from adatracker_deploy.config.limits import Limits
+from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.messages import ZERO, TargetState, Twist
 from adatracker_deploy.core.record import BY_HAND, BY_POLICY, Latency, Outcome, StepRecord
 from adatracker_deploy.core.task import MAX_LOST_STEPS, target_visible
@@ -118,7 +119,13 @@ class Loop:
                 return Ending("system_fault", LINK_LOST)
             if ending := self._stopped(tick, status):
                 return ending
-            slot_ns, seen = tick.t_ns, self.observe(period_s * WAIT / self.clock.speed)
+            slot_ns = tick.t_ns
+            try:
+                seen = self.observe(period_s * WAIT / self.clock.speed)
+            except PlatformError:  # the camera is silent; that may be because this process stood still
+                if ending := stopped_by(self.link.status() or status):
+                    return ending
+                raise
             if seen is None:
                 return Ending("system_fault", "the camera has given no frame")
             tick = replace(tick, t_ns=self.clock.now_ns())
@@ -175,8 +182,8 @@ class Loop:
 
         Before the camera is asked: a process that stood still finds it silent, too, which is not the cause.
         """
-        if status.phase is not Phase.ACTIVE:
-            return Ending("takeover" if status.takeover else "safety_stop", status.stopped)
+        if ending := stopped_by(status):
+            return ending
         if tick.skipped >= self._patience:
             return Ending("safety_stop", f"deadlines_missed: {tick.skipped} slots in a row")
         return None
@@ -221,6 +228,13 @@ class Loop:
     def _age_s(self, tick: Tick, taken_ns: int) -> float:
         """Age of a picture in machine time: a stall is a stall however fast the rehearsal."""
         return (tick.t_ns - taken_ns) / 1e9 / self.clock.speed
+
+
+def stopped_by(status: LinkStatus) -> Ending | None:
+    """Say why the link has stopped a robot that was engaged; None while it drives."""
+    if status.phase is Phase.ACTIVE:
+        return None
+    return Ending("takeover" if status.takeover else "safety_stop", status.stopped)
 
 
 def _result(unseen: Unseen, seen: Seen) -> Ending | None:

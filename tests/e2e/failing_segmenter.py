@@ -16,6 +16,8 @@ from adatracker_deploy.cli import main
 from adatracker_deploy.core.messages import Box
 from adatracker_deploy.perception import segmenters
 
+NOBODY = "nobody"
+"""The one that has never seen anybody."""
 SIGHTS = 60
 STALL_S = 3.0
 """The loop gives up after 2 s; a stall of just that might be over between two of its ticks."""
@@ -35,6 +37,8 @@ class FailingSegmenter:
 
     def __call__(self, frame):
         observation = self._whole(frame)
+        if self._how == NOBODY:
+            return replace(observation, box=None)
         self._seen += observation.box is not None
         if self._seen == SIGHTS:
             Path("onset").write_text(str(time.monotonic_ns()))

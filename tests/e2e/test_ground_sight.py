@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from adatracker_deploy.core.messages import ZERO, Frame
+from adatracker_deploy.core.task import FIRST_SIGHT_S
 from adatracker_deploy.perception.mjpeg_server import MjpegServer
 from adatracker_deploy.policy.base import STALE_OBSERVATION_S
 from adatracker_deploy.trial.reader import read_trial
@@ -172,6 +173,21 @@ def test_a_camera_that_goes_wrong_ends_a_dry_run_and_its_return_changes_nothing(
     assert reason in summary["reason"]
     assert "Traceback" not in err
     stopped_for_good(tmp_path, onset_ns, f"camera: {fault.__name__}", measured)
+
+
+def test_a_robot_that_stops_while_nobody_is_seen_ends_the_search_and_says_why(tmp_path):
+    with (
+        contextlib.closing(Wheeled(tmp_path)) as robot,
+        started(tmp_path, "--platform", "wheeled", "--profile", str(robot.profile)) as start,
+    ):
+        run = start("--segmenter", "truth", "--json", command=failing("nobody"))
+        assert any("looking for the person" in line for line in run.process.stderr)
+        cut_s = time.monotonic()
+        robot.cable.cut()
+        status, summary, err = run.end()
+        assert time.monotonic() - cut_s < FIRST_SIGHT_S
+        assert (status, summary["outcome"]) == (1, "safety_stop"), err
+        assert "no person" not in summary["reason"]
 
 
 @pytest.mark.parametrize("how", [pytest.param("stalls", marks=EXHAUSTIVE), "raises"])

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from adatracker_deploy.core.clock import FakeClock
+from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.messages import ZERO, Click, Pick, TargetState, Twist
 from adatracker_deploy.policy.base import STALE_OBSERVATION_S
 from adatracker_deploy.runtime.link import LinkStatus, Phase
@@ -181,6 +182,20 @@ def test_what_the_link_stopped_for_meanwhile_is_what_is_told():
     rehearsal = stalled(1.0)
     rehearsal.at[5]["status_now"] = replace(FLYING, phase=Phase.HOLDING, stopped="command_lost")
     assert rehearsal.run() == Ending("safety_stop", "command_lost")
+
+
+def test_a_camera_that_is_silent_because_the_tracker_stood_still_is_not_the_cause():
+    class Woken(Rehearsal):
+        def observe(self, patience_s):
+            seen = super().observe(patience_s)
+            if self.tick == 5:
+                raise PlatformError("camera: no picture has come for 3.0 s")
+            return seen
+
+    held = replace(FLYING, phase=Phase.HOLDING, stopped="command_lost")
+    assert Woken(at={5: {"status_now": held}}).run() == Ending("safety_stop", "command_lost")
+    with pytest.raises(PlatformError, match="no picture"):
+        Woken().run()
 
 
 def test_at_a_higher_speed_slots_in_a_row_are_counted_in_machine_time():
