@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 import math
+from pathlib import Path
 
 import jsbsim
 import numpy as np
@@ -196,7 +197,8 @@ class DroneBody(Body):
 def _model(height_m: float, heading_rad: float) -> jsbsim.FGFDMExec:
     """Return a fresh F450 at rest, level, engines on and not yet turning."""
     jsbsim.set_logger(_SILENCE)
-    model = jsbsim.FGFDMExec(jsbsim.get_default_root_dir())
+    # Beside the module: JSBSim's own `get_default_root_dir` finds none where a .pth file adds the environment.
+    model = jsbsim.FGFDMExec(str(Path(jsbsim.__file__).parent))
     model.set_debug_level(0)
     model.load_model("F450")
     model.set_dt(STEP_S)
