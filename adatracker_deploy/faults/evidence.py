@@ -8,12 +8,12 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from adatracker_deploy.core.faults import BLIND_FOR_S, OURS
-from adatracker_deploy.faults.watch import Seen
+from adatracker_deploy.faults.process_monitor import Seen
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from adatracker_deploy.faults.watch import Role, State
+    from adatracker_deploy.faults.process_monitor import Role, State
     from adatracker_deploy.sim.ground_truth import Account
 
 SOON_NS = 1_000_000_000

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from adatracker_deploy.faults.matrix import Row
-    from adatracker_deploy.faults.watch import Watch
+    from adatracker_deploy.faults.process_monitor import ProcessMonitor
     from adatracker_deploy.sim.ground_truth import Account
 
 _LONGEST = 200
@@ -35,7 +35,7 @@ def said(done: subprocess.CompletedProcess[str]) -> str:
 
 
 def gather(
-    row: Row, done: subprocess.CompletedProcess[str], watch: Watch, folder: Path, account: Account
+    row: Row, done: subprocess.CompletedProcess[str], watch: ProcessMonitor, folder: Path, account: Account
 ) -> Evidence:
     """Return a run's evidence.
 

@@ -17,8 +17,8 @@ from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.faults.gather import gather, said
 from adatracker_deploy.faults.judge import LANDED_M, STILL_M_S, Result, judge, limit_of
 from adatracker_deploy.faults.phases import TrialPhase
+from adatracker_deploy.faults.process_monitor import ProcessMonitor
 from adatracker_deploy.faults.running_simulator import serving
-from adatracker_deploy.faults.watch import Watch
 from adatracker_deploy.platform import Scenario
 from adatracker_deploy.registry import load_platform, load_profile, profile_dir
 from adatracker_deploy.sim.ground_truth import Account, read_witness
@@ -89,7 +89,7 @@ def _rehearse(row: Row, platform_name: str, says: str, stalls: StallMonitor, fol
             *("--seed", str(SEED), "--segmenter", "truth", "--json", "--log-dir", str(folder / "trials")),
         )
         process = _start(*common, *_struck(row))
-        with Watch(process.pid, witness) as watch:
+        with ProcessMonitor(process.pid, witness) as watch:
             done = _finish(process)
             ended_ns = time.monotonic_ns()
             _await_rest(watch, witness, flies=flies, lands=row.lands)
@@ -172,7 +172,7 @@ def _profile(
     return arguments, profile
 
 
-def _await_rest(watch: Watch, witness: Path, *, flies: bool, lands: bool) -> None:
+def _await_rest(watch: ProcessMonitor, witness: Path, *, flies: bool, lands: bool) -> None:
     """Wait, `REST_S` at most, until the robot stands and nobody commands it any more."""
     end_s = time.monotonic() + REST_S
     while time.monotonic() < end_s:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 from adatracker_deploy.core.camera import FilmOverError
 from adatracker_deploy.core.errors import PlatformError, UsageError
 from adatracker_deploy.core.messages import Frame
-from adatracker_deploy.perception.watch import FrameWatch
+from adatracker_deploy.perception.frame_monitor import FrameMonitor
 
 if TYPE_CHECKING:
     import numpy as np
@@ -54,7 +54,7 @@ class FilmCamera(abc.ABC):
         self.rate_hz = _USUAL_HZ
         """The recording's stated rate; known once it is open."""
         self._every_frame = every_frame
-        self._watch = FrameWatch(name)
+        self._watch = FrameMonitor(name)
         self._film: Film | None = None
         self._began_ns: int | None = None
         self._at = 0

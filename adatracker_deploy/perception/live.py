@@ -14,8 +14,8 @@ from adatracker_deploy.core.camera import OPEN_TIMEOUT_S
 from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.messages import Frame, Truth
 from adatracker_deploy.core.stamps import StampOrder
+from adatracker_deploy.perception.frame_monitor import FrameMonitor
 from adatracker_deploy.perception.transit import Transit
-from adatracker_deploy.perception.watch import FrameWatch
 
 if TYPE_CHECKING:
     from collections.abc import Generator
@@ -67,7 +67,7 @@ class LiveCamera(abc.ABC):
         """Number of images that were malformed, repeated or out of order."""
         self._order = StampOrder()
         self._transit = Transit()
-        self._watch = FrameWatch(name, clock.speed)
+        self._watch = FrameMonitor(name, clock.speed)
         self._frames: tuple[Frame, ...] = ()
         """The newest frame and the one before, for a reader whose `now_ns` is just before the newest."""
         self._unstamped = False

@@ -12,8 +12,8 @@ import cv2
 from adatracker_deploy.core.camera import OPEN_TIMEOUT_S, without_password
 from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.perception.capture import Capture
+from adatracker_deploy.perception.frame_monitor import SILENT_AFTER_S
 from adatracker_deploy.perception.live import LiveCamera, Picture
-from adatracker_deploy.perception.watch import SILENT_AFTER_S
 
 if TYPE_CHECKING:
     from collections.abc import Generator
@@ -29,7 +29,7 @@ _STREAM_SETTINGS = (
     *(cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, round((OPEN_TIMEOUT_S - 0.5) * 1e3)),
     *(cv2.CAP_PROP_READ_TIMEOUT_MSEC, round((SILENT_AFTER_S + 1.0) * 1e3)),
 )
-"""OpenCV gives up on opening just before `LiveCamera.open` does, and on the next frame after `FrameWatch`."""
+"""OpenCV gives up on opening just before `LiveCamera.open` does, and on a next frame after `FrameMonitor`."""
 
 
 class VideoCamera(LiveCamera):

@@ -70,7 +70,7 @@ class PageStart:
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """First message to the writer; it answers `Ready` or `Trouble`."""
+    """First message to the writer; it answers `Ready` or `LogFailed`."""
 
     part: str
     """The file to write."""
@@ -137,7 +137,7 @@ class Free:
 
 
 @dataclass(frozen=True, slots=True)
-class Trouble:
+class LogFailed:
     """The log is no longer whole, and why."""
 
     message: str

@@ -30,6 +30,7 @@ from adatracker_deploy.trial.ipc import (
     End,
     Free,
     Level,
+    LogFailed,
     LogLine,
     Look,
     PageStart,
@@ -40,7 +41,6 @@ from adatracker_deploy.trial.ipc import (
     Ready,
     Start,
     Step,
-    Trouble,
 )
 from adatracker_deploy.trial.provenance import provenance
 from adatracker_deploy.trial.step_json import STEP_FORMAT
@@ -243,7 +243,7 @@ class TrialLog:
             self._post.send(start, START_TIMEOUT_S)
             answer = self._post.receive(START_TIMEOUT_S)
         except (OSError, EOFError) as error:
-            answer = Trouble(f"{self.folder}: the log's writer did not start: {error}")
+            answer = LogFailed(f"{self.folder}: the log's writer did not start: {error}")
         if not isinstance(answer, Ready):
             self.close()
             raise UsageError(answer.message)
@@ -290,7 +290,7 @@ class TrialLog:
                 match self._post.receive(timeout_s=0.0):
                     case Free(slot):
                         self._free.append(slot)
-                    case Trouble(message):
+                    case LogFailed(message):
                         self._trouble = self._trouble or message
                     case Click() as click:
                         self._clicks.append(click)

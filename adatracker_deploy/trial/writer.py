@@ -33,6 +33,7 @@ from adatracker_deploy.trial.folder import sync_folder
 from adatracker_deploy.trial.ipc import (
     End,
     Free,
+    LogFailed,
     LogLine,
     Look,
     PictureSlots,
@@ -40,7 +41,6 @@ from adatracker_deploy.trial.ipc import (
     Ready,
     Start,
     Step,
-    Trouble,
 )
 from adatracker_deploy.trial.live_view import LiveView
 from adatracker_deploy.trial.page_view import PageView
@@ -120,7 +120,7 @@ class TrialWriter:
                 self._page = PageView(start.page)
             self._write_trial(start)
         except UsageError as error:
-            self._tell(Trouble(str(error)))
+            self._tell(LogFailed(str(error)))
         finally:
             for shown in (self._view, self._page):
                 if shown is not None:
@@ -136,7 +136,7 @@ class TrialWriter:
             sync_folder(part.parent)
             sync_folder(part.parent.parent)
         except OSError as error:
-            self._tell(Trouble(f"{part}: {error.strerror}"))
+            self._tell(LogFailed(f"{part}: {error.strerror}"))
             return
         self._tell(Ready())
         try:
@@ -148,7 +148,7 @@ class TrialWriter:
             part.rename(path)
             sync_folder(path.parent)
         except OSError as error:
-            self._tell(Trouble(f"the log ends early: {part}: {error.strerror}"))
+            self._tell(LogFailed(f"the log ends early: {part}: {error.strerror}"))
             self._drain()
 
     def _write_all(self) -> None:
@@ -190,7 +190,7 @@ class TrialWriter:
                 case End(summary_json):
                     self._summary_json = summary_json
         except (TypeError, ValueError, cv2.error) as error:
-            self._tell(Trouble(f"a tick could not be logged: {error}"))
+            self._tell(LogFailed(f"a tick could not be logged: {error}"))
         return []
 
     def _encode_picture(self, message: Step | Look) -> list[Message]:
@@ -242,7 +242,7 @@ class TrialWriter:
                 elif isinstance(message, Step) and message.place is not None:
                     self._tell(Free(message.place.slot))
 
-    def _tell(self, message: Ready | Free | Trouble | Click) -> None:
+    def _tell(self, message: Ready | Free | LogFailed | Click) -> None:
         with contextlib.suppress(OSError):  # a tracker that has gone needs no message
             self._post.send(message, timeout_s=1.0)
 

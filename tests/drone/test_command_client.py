@@ -40,7 +40,7 @@ class Vehicle:
 
     def __init__(self, clock, authority, *, round_trip_s=0.01, pilot_s=1e9, tells=True, grants=True):
         self.heard = VehicleState(mode="OFFBOARD")
-        self.strangers = 0
+        self.foreign_datagrams = 0
         self.orders = []
         self.asked_s = -1.0
         self._clock, self._authority = clock, authority

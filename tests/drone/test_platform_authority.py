@@ -22,7 +22,7 @@ class RecordingVehicle:
     def __init__(self, clock: FakeClock) -> None:
         self.sent: list[Twist] = []
         self.orders: list[VehicleCommand] = []
-        self.strangers, self.ignored = 0, "3 from an address"
+        self.foreign_datagrams, self.ignored = 0, "3 from an address"
         self._clock = clock
         self.heard = VehicleState(mode="OFFBOARD")
         self.hear()
@@ -239,7 +239,7 @@ def test_somebody_else_on_a_link_where_nobody_may_be_ends_a_flight():
     rig = Rig()
     rig.authority = ControlAuthority(Connection(alone=True), rig.clock)
     rig.engage().steer(Twist(vx=1.0))
-    rig.vehicle.strangers = 1
+    rig.vehicle.foreign_datagrams = 1
     with pytest.raises(PlatformError, match="somebody else sends"):
         rig.steer(Twist(vx=1.0))
     assert rig.vehicle.sent[-1].vx == 0.0

@@ -9,7 +9,7 @@ from adatracker_deploy.core.faults import OURS
 from adatracker_deploy.faults.evidence import INTERRUPTED_STATUS, Evidence, Tick
 from adatracker_deploy.faults.matrix import INTERRUPTED, KILLED, TAKEN
 from adatracker_deploy.faults.phases import IN_FLIGHT, ORDER, TrialPhase
-from adatracker_deploy.faults.watch import Seen
+from adatracker_deploy.faults.process_monitor import Seen
 from adatracker_deploy.sim.ground_truth import Account, Flying, Told
 
 ONSET_NS = 50_000_000_000

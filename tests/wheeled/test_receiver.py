@@ -134,7 +134,7 @@ def test_no_frame_makes_it_fail_and_strangers_fill_nothing(frames):
     one = ear()
     for number, data in frames:
         one.receive(CanFrame(number, data), NOW_NS)
-    assert len(one.strangers) <= 64
+    assert len(one.unknown_ids) <= 64
 
 
 def test_a_malformed_state_changes_nothing_and_is_counted():

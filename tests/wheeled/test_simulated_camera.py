@@ -11,8 +11,8 @@ from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.geometry import Pose
 from adatracker_deploy.core.messages import Frame, Truth
+from adatracker_deploy.perception.frame_monitor import SILENT_AFTER_S
 from adatracker_deploy.perception.mjpeg import MjpegCamera
-from adatracker_deploy.perception.watch import SILENT_AFTER_S
 from adatracker_wheeled.sim.camera import FailingCamera
 
 CLOCK = MonotonicClock()

@@ -7,8 +7,8 @@ again. ``docs/safety.md`` lists every limit.
 """
 
 from adatracker_deploy.runtime.gate.judge import judge
+from adatracker_deploy.runtime.gate.monitor import unmonitored
 from adatracker_deploy.runtime.gate.reasons import Kind, Reason
 from adatracker_deploy.runtime.gate.state import GateState, Setpoint, Stage, Stop, Verdict
-from adatracker_deploy.runtime.gate.watch import unmonitored
 
 __all__ = ["GateState", "Kind", "Reason", "Setpoint", "Stage", "Stop", "Verdict", "judge", "unmonitored"]

@@ -9,11 +9,11 @@ from itertools import chain
 from adatracker_deploy.config.limits import Limits
 from adatracker_deploy.core.messages import ZERO, PlatformState
 from adatracker_deploy.runtime.gate.envelope import too_close
+from adatracker_deploy.runtime.gate.monitor import command_stops, stops, warnings
 from adatracker_deploy.runtime.gate.move import move
 from adatracker_deploy.runtime.gate.reasons import Reason
 from adatracker_deploy.runtime.gate.state import GateState, Setpoint, Stage, Stop, Verdict
 from adatracker_deploy.runtime.gate.track import follow
-from adatracker_deploy.runtime.gate.watch import command_stops, stops, warnings
 
 LONGEST_STEP_S = 0.1
 """Longest time step, s: a pause of the gate itself must not let the next command jump."""

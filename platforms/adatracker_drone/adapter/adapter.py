@@ -155,7 +155,7 @@ class DroneAdapter(Platform):
                     self._connection.url,
                     self._connection.signing_key,
                     vehicle.ignored,
-                    blocking=self._connection.alone and vehicle.strangers > 0,
+                    blocking=self._connection.alone and vehicle.foreign_datagrams > 0,
                 ),
                 *mode_checks(
                     heard.mode,

@@ -194,7 +194,7 @@ class ControlAuthority:
 
     def _require_alone(self, vehicle: Vehicle) -> None:
         """Withdraw consent if another sender is heard where none is allowed."""
-        if self._connection.alone and vehicle.strangers:
+        if self._connection.alone and vehicle.foreign_datagrams:
             self.withdraw(vehicle, f"somebody else sends on the link: {vehicle.ignored}")
 
     def _out_of_time(self) -> str:

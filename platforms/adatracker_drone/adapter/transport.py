@@ -129,7 +129,7 @@ class Vehicle:
         return self._link.guard.take_notices() if self._link is not None else ()
 
     @property
-    def strangers(self) -> int:
+    def foreign_datagrams(self) -> int:
         """Number of datagrams from other addresses than the autopilot's."""
         return self._link.guard.ignored[Ignored.STRANGER] if self._link is not None else 0
 

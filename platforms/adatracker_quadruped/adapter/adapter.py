@@ -17,7 +17,7 @@ from adatracker_deploy.core.stamps import fresh_or_none
 from adatracker_deploy.platform import Check, Platform
 from adatracker_deploy.runtime.suspend import SuspendWatch
 from adatracker_quadruped.adapter.preflight import judge
-from adatracker_quadruped.adapter.survey import survey, until
+from adatracker_quadruped.adapter.probe import probe, until
 from adatracker_quadruped.adapter.transport import Wire
 from adatracker_quadruped.protocol.connection import Connection
 from adatracker_quadruped.protocol.keys import Keys
@@ -100,7 +100,7 @@ class QuadrupedAdapter(Platform):
         carries_camera = self.profile.camera.uri.startswith(ROBOT)
         camera_key = Keys(with_camera(self.profile)).camera if carries_camera else ""
         with self._opening:
-            return judge(survey(self._connected(), camera_key), self._connection)
+            return judge(probe(self._connected(), camera_key), self._connection)
 
     def engage(self) -> None:
         """Accept commands from now on.

@@ -19,7 +19,7 @@ from adatracker_deploy.core.stamps import fresh_or_none
 from adatracker_deploy.platform import Check, Platform
 from adatracker_deploy.runtime.suspend import SuspendWatch
 from adatracker_ros2.adapter.preflight import judge
-from adatracker_ros2.adapter.survey import survey, until
+from adatracker_ros2.adapter.probe import probe, until
 from adatracker_ros2.protocol.connection import Connection
 from adatracker_ros2.protocol.topics import Topics, claimed
 
@@ -105,7 +105,7 @@ class Ros2Adapter(Platform):
         """Listen for half a second, at most two, and check what was heard."""
         camera_topic = Topics(_with_own_camera(self.profile)).camera
         with self._opening:
-            heard = survey(self._connected(), camera_topic)
+            heard = probe(self._connected(), camera_topic)
             return judge(heard, self._connection, self.profile.camera.fov_deg)
 
     def engage(self) -> None:

@@ -146,7 +146,7 @@ class WheeledAdapter(Platform):
             raise PlatformError(f"refused to send {command}: not finite")
         wire = self._connected()
         with self._authority.lock:
-            self._authority.heed(self._found(wire, now_ns) if self._authority.engaged else None)
+            self._authority.on_fault(self._found(wire, now_ns) if self._authority.engaged else None)
             if not self._authority.engaged:
                 raise PlatformError(f"not engaged: {self._authority.stopped or 'engage first'}")
             said = wire.command(command, now_ns)
@@ -251,9 +251,9 @@ class WheeledAdapter(Platform):
             if wire is None:
                 return
             if self._authority.engaged:
-                self._authority.heed(wire.trouble(self.clock.now_ns()))
+                self._authority.on_fault(wire.trouble(self.clock.now_ns()))
             elif self._authority.held and (found := wire.taken()):
-                self._authority.heed(found)
+                self._authority.on_fault(found)
 
     def _found(self, wire: Wire, now_ns: int) -> StopCause | None:
         """Check the base and other senders: a base that has stopped by itself is not restarted."""

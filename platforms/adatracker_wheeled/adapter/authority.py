@@ -100,12 +100,12 @@ class ControlAuthority:
                 self.wire.mute()
                 self.wire.mark.clear()
 
-    def heed(self, trouble: StopCause | None) -> None:
+    def on_fault(self, cause: StopCause | None) -> None:
         """Stop on a fault, and release a base that somebody else has taken over."""
-        if trouble is None:
+        if cause is None:
             return
         with self.lock:
-            if trouble.taken:
+            if cause.taken:
                 self.let_go()
-            self.taken_over = self.taken_over or (trouble.by_hand and not self.stopped)
-            self.withdraw(trouble.reason)
+            self.taken_over = self.taken_over or (cause.by_hand and not self.stopped)
+            self.withdraw(cause.reason)

@@ -93,6 +93,6 @@ def _take_back(wire: Wire, authority: ControlAuthority, connection: Connection, 
 def _refuse_unfit(wire: Wire, authority: ControlAuthority) -> None:
     status = wire.heard.status
     found = wire.estranged() or (unfit(status) if status is not None else None)
-    authority.heed(found)
+    authority.on_fault(found)
     if found is not None:
         raise PlatformError(found.reason)

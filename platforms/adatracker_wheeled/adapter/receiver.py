@@ -61,7 +61,7 @@ class Receiver:
         self.heard = BaseTelemetry()
         self.malformed = 0
         """Number of malformed frames of the base; they changed nothing."""
-        self.strangers: set[int] = set()
+        self.unknown_ids: set[int] = set()
         """Ids that no role names, the first few."""
         self._codec = codec
         self._by_wheels = bool(roles.odometry) and roles.wheels is not None
@@ -86,8 +86,8 @@ class Receiver:
             self.malformed += 1
             return
         if reading is None:
-            if len(self.strangers) < _MOST_IDS:
-                self.strangers.add(frame.id)
+            if len(self.unknown_ids) < _MOST_IDS:
+                self.unknown_ids.add(frame.id)
             return
         heard = self.heard
         if reading.status is not None and not _repeated(heard.status, reading.status):
@@ -106,14 +106,14 @@ class Receiver:
 
     def explain_silence(self) -> str:
         """Explain why the base's state may not be received."""
-        if _V1_STATE in self.strangers:
+        if _V1_STATE in self.unknown_ids:
             return "it speaks AgileX protocol v1 (0x151 on the bus): use a v1 profile, such as scout_v1"
-        if _V2_STATE in self.strangers:
+        if _V2_STATE in self.unknown_ids:
             return "it speaks AgileX protocol v2 (0x211 on the bus): use its v2 profile, such as scout"
         if self.malformed:
             return f"{self.malformed} of its frames were malformed: check roles.dbc and roles.checksum"
-        if self.strangers:
-            ids = ", ".join(f"{number:#x}" for number in sorted(self.strangers)[:6])
+        if self.unknown_ids:
+            ids = ", ".join(f"{number:#x}" for number in sorted(self.unknown_ids)[:6])
             return f"only frames without a role came ({ids}): check roles against the base's manual"
         return "no frame came at all: switch the base on, check cable, termination and bit rate"
 

@@ -19,7 +19,7 @@ _COMPLETE_S = 2.0
 _POLL_S = 0.01
 
 
-def survey(wire: Wire, camera_topic: str) -> RobotTelemetry:
+def probe(wire: Wire, camera_topic: str) -> RobotTelemetry:
     """Return what is heard within two seconds, or half a second if everything has arrived.
 
     Args:

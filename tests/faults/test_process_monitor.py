@@ -10,8 +10,8 @@ import time
 
 import pytest
 
+from adatracker_deploy.faults.process_monitor import ProcessMonitor, Seen
 from adatracker_deploy.faults.take_off import reached
-from adatracker_deploy.faults.watch import Seen, Watch
 from adatracker_deploy.sim.ground_truth import Account, Flying, GroundTruthRecorder
 
 LINK = """
@@ -51,7 +51,7 @@ def test_a_stopped_and_a_killed_process_are_seen_by_their_role(tracker, tmp_path
     def first(role, state):
         return watch.seen().first(role, state, began_ns, time.monotonic_ns())
 
-    with Watch(tracker.pid, path) as watch:
+    with ProcessMonitor(tracker.pid, path) as watch:
         for role in ("tracker", "link", "robot"):
             eventually(lambda role=role: first(role, "runs"))
         assert watch.link_lives
@@ -77,7 +77,7 @@ def test_a_busy_core_is_told_from_an_idle_one():
 
 def test_a_program_that_burns_is_seen(tmp_path):
     began_ns = time.monotonic_ns()
-    with Watch(os.getpid(), tmp_path / "none") as watch:
+    with ProcessMonitor(os.getpid(), tmp_path / "none") as watch:
         while time.monotonic_ns() < began_ns + 10**9:
             pass
     assert watch.seen().busy_cores(began_ns, began_ns + 10**9) > 0.5

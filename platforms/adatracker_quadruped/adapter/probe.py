@@ -20,7 +20,7 @@ _COMPLETE_S = 2.0
 _POLL_S = 0.01
 
 
-def survey(wire: Wire, camera_key: str) -> RobotTelemetry:
+def probe(wire: Wire, camera_key: str) -> RobotTelemetry:
     """Return what is received within two seconds, or half a second if everything has arrived.
 
     Args:

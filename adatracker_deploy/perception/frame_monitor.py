@@ -25,7 +25,7 @@ repeats, s.
 The loop, to which no new frame has come since, gives up after 2 s and could not say why."""
 
 
-class FrameWatch:
+class FrameMonitor:
     """Monitors the frames of one camera.
 
     Args:

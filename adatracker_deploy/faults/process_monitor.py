@@ -56,7 +56,7 @@ class Seen:
 
 
 @dataclass
-class Watch:
+class ProcessMonitor:
     """Context that monitors a row's processes.
 
     Args:
