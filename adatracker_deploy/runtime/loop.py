@@ -119,15 +119,9 @@ class Loop:
                 return Ending("system_fault", LINK_LOST)
             if ending := self._stopped(tick, status):
                 return ending
-            slot_ns = tick.t_ns
-            try:
-                seen = self.observe(period_s * WAIT / self.clock.speed)
-            except PlatformError:  # the camera is silent; that may be because this process stood still
-                if ending := stopped_by(self.link.status() or status):
-                    return ending
-                raise
-            if seen is None:
-                return Ending("system_fault", "the camera has given no frame")
+            slot_ns, seen = tick.t_ns, self._look(period_s * WAIT / self.clock.speed, status)
+            if isinstance(seen, Ending):
+                return seen
             tick = replace(tick, t_ns=self.clock.now_ns())
             if ending := self._blind(tick, seen, fresh_ns):
                 return ending
@@ -176,6 +170,16 @@ class Loop:
     def _write(self, ticks: list[Handed]) -> None:
         for tick in ticks:
             self.write(tick.record, tick.seen)
+
+    def _look(self, patience_s: float, status: LinkStatus) -> Seen | Ending:
+        """Return what is seen, or why the trial is over."""
+        try:
+            seen = self.observe(patience_s)
+        except PlatformError:  # a silent camera; perhaps since this process stood still while it waited
+            if ending := stopped_by(self.link.status() or status):
+                return ending
+            raise
+        return seen or Ending("system_fault", "the camera has given no frame")
 
     def _stopped(self, tick: Tick, status: LinkStatus) -> Ending | None:
         """Say why the trial is over whatever is seen; None while it is not.

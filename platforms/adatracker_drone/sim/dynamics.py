@@ -197,7 +197,7 @@ class DroneBody(Body):
 def _model(height_m: float, heading_rad: float) -> jsbsim.FGFDMExec:
     """Return a fresh F450 at rest, level, engines on and not yet turning."""
     jsbsim.set_logger(_SILENCE)
-    # Beside the module: JSBSim's own `get_default_root_dir` finds none where a .pth file adds the environment.
+    # Not `get_default_root_dir`, which finds nothing where a .pth file adds the environment.
     model = jsbsim.FGFDMExec(str(Path(jsbsim.__file__).parent))
     model.set_debug_level(0)
     model.load_model("F450")
