@@ -54,6 +54,12 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         help=f"a part to leave out; repeat it for several: {', '.join(f'no-{v}' for v in _VARIANTS)}",
     )
     parser.add_argument(
+        "--front",
+        choices=("cnn", "pooled"),
+        help="what looks at a mask: the paper's convolutions, or fixed statistics and two layers, which "
+        "train several times as fast (default: cnn)",
+    )
+    parser.add_argument(
         "--belief",
         action="store_true",
         help="tell the policy where the target was last seen, and what it drove since",
@@ -151,7 +157,7 @@ def _settings(args: argparse.Namespace) -> TrainSettings:
             raise UsageError(f"--variant: unknown {name!r}; known are {', '.join(get_args(Variant))}")
     keys = (
         *("recipe", "method", "init", "rate", "updates", "rounds", "round_steps"),
-        *("critic_updates", "conservative", "batch", "length", "seed", "belief", "bfloat16"),
+        *("critic_updates", "conservative", "batch", "length", "seed", "front", "belief", "bfloat16"),
     )
     given = {key: getattr(args, key) for key in keys if getattr(args, key) is not None}
     return parse(TrainSettings, given | {"variants": sorted(set(args.variant))}, where="train")

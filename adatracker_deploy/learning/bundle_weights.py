@@ -56,6 +56,7 @@ def _rebuilt(bundle: Bundle) -> AdaTracker:
         size=manifest.mask.size,
         actions=len(manifest.action),
         history=manifest.history,
+        front="pooled" if "backbone.mix.bias" in weights else "cnn",
         features=len(weights["backbone.project.bias"]),
         context=manifest.context,
         encoder_hidden=encoder.lstm("lstm")["lstm.weight_hh_l0"].shape[1]

@@ -18,6 +18,7 @@ from torch.nn import functional
 
 from adatracker_deploy.config.schema import Range
 from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.learning.mask_statistics import PER_CHANNEL, STRIPS, mask_statistics
 from adatracker_deploy.policy import belief
 
 LstmState = tuple[Tensor, Tensor]
@@ -38,8 +39,11 @@ class AdaTrackerConfig:
     actions: Annotated[int, Range(1, 4)] = 2
     history: Annotated[int, Range(0, 256)] = 16
     """K: 1.6 s at 10 Hz, several times the lag of a robot's base (0.1 to 0.4 s); 0 without an encoder."""
+    front: Literal["cnn", "pooled"] = "cnn"
+    """What looks at a mask: the paper's convolutions (`Backbone`), or fixed statistics and two layers, ours
+    (`PooledFront`)."""
     features: Annotated[int, Range(1, 4096)] = 96
-    """Number of features of one mask, from a backbone."""
+    """Number of features of one mask, from its front."""
     context: Annotated[int, Range(0, 1024)] = 16
     """Size of z: a body is a handful of numbers (height, pitch, field of view, limits, lag, delay); 0 without
     an encoder."""
@@ -61,6 +65,8 @@ class AdaTrackerConfig:
             raise UsageError(
                 f"history {self.history} and context {self.context}: both are 0 (no encoder) or neither is"
             )
+        if self.front == "pooled" and self.size % STRIPS:
+            raise UsageError(f"front pooled: a mask of {self.size} pixels is no multiple of {STRIPS}")
 
 
 class Backbone(nn.Module):
@@ -112,6 +118,36 @@ class Backbone(nn.Module):
         return features.reshape(*masks.shape[:2], -1)
 
 
+class PooledFront(nn.Module):
+    """Statistics of one mask and two layers, in the convolutions' place: (N, C, S, S) -> (N, features)."""
+
+    def __init__(self, config: AdaTrackerConfig) -> None:
+        super().__init__()
+        self.mix = nn.Linear(config.channels * PER_CHANNEL, config.features)
+        self.project = nn.Linear(config.features, config.features)
+
+    def forward(self, mask: Tensor) -> Tensor:
+        """Return the features, non-negative."""
+        return self.of_statistics(mask_statistics(mask))
+
+    def of_statistics(self, statistics: Tensor) -> Tensor:
+        """Return the same (..., features) of masks' `mask_statistics` (..., C x `PER_CHANNEL`)."""
+        return functional.relu(self.project(functional.relu(self.mix(statistics))))
+
+    def sequences(self, masks: Tensor) -> Tensor:
+        """Return the features (B, T, features) of masks (B, T, C, S, S)."""
+        features: Tensor = self(masks.flatten(0, 1))
+        return features.reshape(*masks.shape[:2], -1)
+
+
+Front = Backbone | PooledFront
+
+
+def front_of(config: AdaTrackerConfig) -> Front:
+    """Return what looks at a mask."""
+    return PooledFront(config) if config.front == "pooled" else Backbone(config)
+
+
 class ContextEncoder(nn.Module):
     """``f_psi``: K mask-action pairs -> z, "a convolutional backbone and a single-layer LSTM".
 
@@ -124,7 +160,7 @@ class ContextEncoder(nn.Module):
     def __init__(self, config: AdaTrackerConfig) -> None:
         super().__init__()
         self.config = config
-        self.backbone = Backbone(config)
+        self.backbone = front_of(config)
         self.lstm = nn.LSTM(config.features + config.actions, config.encoder_hidden, batch_first=True)
         self.to_context = nn.Linear(config.encoder_hidden, config.context)
 
@@ -222,7 +258,7 @@ class ContextPolicy(nn.Module):
     def __init__(self, config: AdaTrackerConfig) -> None:
         super().__init__()
         self.config = config
-        self.backbone = Backbone(config)
+        self.backbone = front_of(config)
         inputs = config.features + config.context + (config.actions if config.last_action else 0)
         inputs += belief.SIZE if config.belief else 0
         self.memory = (

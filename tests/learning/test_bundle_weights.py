@@ -22,7 +22,12 @@ def exported(path, out, **options):
 
 @pytest.mark.parametrize(
     ("variant", "interface"),
-    [("belief", "streaming"), ("belief", "window"), ("no encoder, last action", None)],
+    [
+        ("belief", "streaming"),
+        ("belief", "window"),
+        ("no encoder, last action", None),
+        ("pooled", "streaming"),
+    ],
 )
 def test_it_gives_back_the_weights_that_were_exported(tmp_path, variant, interface):
     config = fresh.VARIANTS[variant]

@@ -27,7 +27,7 @@ from tests.tiers import EXHAUSTIVE
 ROOT = Path(__file__).parents[2]
 PUBLISHED = ROOT.parent / "shared" / "data" / "offline_evt_public.pth"
 TICKS = 30
-EACH_PART = ("belief", "no encoder, last action", "no lstm")
+EACH_PART = ("belief", "pooled", "no encoder, last action", "no lstm")
 """Variants that have each part, and lack each, at least once."""
 
 

@@ -17,7 +17,7 @@ from adatracker_deploy.learning.data.shard import distinct_patches, pack_masks, 
 from adatracker_deploy.learning.data.state import COLUMNS
 from adatracker_deploy.learning.rollout import rollout
 from adatracker_deploy.learning.tracking import ACTION
-from adatracker_deploy.learning.train.agent import Agent, Sequences, drawn
+from adatracker_deploy.learning.train.agent import Agent, Sequences, drawn, statistics_of
 from adatracker_deploy.learning.train.visitor import Visitor, visit_round
 from adatracker_deploy.policy.drawing import MaskPainter
 from tests.learning import fresh
@@ -42,7 +42,7 @@ def classes(*shape, seed=0):
     return coarse.repeat(8, axis=-1).repeat(8, axis=-2)
 
 
-def batch_of(masks, actions, past):
+def batch_of(masks, actions, past, *, pooled=False):
     """Return whole episodes from their start, (B, L, ...), as a data set would."""
     count, length = masks.shape[:2]
     before = ((0, 0), (past, 0))
@@ -51,8 +51,11 @@ def batch_of(masks, actions, past):
     first, steps = np.arange(count) * length, masks.reshape(-1, 64, 64)
     beliefs = beliefs_of(pack_masks(steps), actions.reshape(-1, 2), first, np.full(count, length))
     beliefs = beliefs.reshape(count, length, -1)
+    packed = pack_masks(np.pad(masks, (*before, (0, 0), (0, 0))))
+    statistics = statistics_of(packed.reshape(-1, packed.shape[-1])).reshape(*packed.shape[:2], -1)
     return Batch(
-        packed=pack_masks(np.pad(masks, (*before, (0, 0), (0, 0)))),
+        packed=packed,
+        statistics=statistics.astype(np.float32) if pooled else np.zeros((*packed.shape[:2], 0), np.float32),
         actions=np.pad(actions, (*before, (0, 0))),
         experts=np.zeros_like(actions),
         rewards=blank,
@@ -87,7 +90,8 @@ def test_a_visit_answers_as_the_exported_policy_and_as_training_sees_the_sequenc
     for tick, mask in enumerate(masks):
         last = visitor(mask[None], last, np.array([tick == 0]))
         np.testing.assert_allclose(last[0], wanted[tick], atol=1e-4)
-    sequences = Sequences.of(batch_of(masks[None], wanted[None], past=max(config.history, 1)))
+    past, pooled = max(config.history, 1), config.front == "pooled"
+    sequences = Sequences.of(batch_of(masks[None], wanted[None], past, pooled=pooled))
     with torch.no_grad():
         mean, _ = agent.policy.actor(agent.recall(sequences, context_every=1).x)
     np.testing.assert_allclose(torch.tanh(mean[0]), wanted, atol=1e-4)
@@ -96,7 +100,7 @@ def test_a_visit_answers_as_the_exported_policy_and_as_training_sees_the_sequenc
 def test_training_keeps_a_context_for_some_steps():
     agent = an_agent(CONFIGS["whole"])
     actions = np.random.default_rng(3).uniform(-1, 1, (1, STEPS, 2)).astype(np.float32)
-    sequences = Sequences.of(batch_of(classes(1, STEPS), actions, past=agent.config.history))
+    sequences = Sequences.of(batch_of(classes(1, STEPS), actions, agent.config.history))
     with torch.no_grad():
         every, kept = agent.recall(sequences, context_every=1).z, agent.recall(sequences, context_every=3).z
     assert kept.shape == every.shape

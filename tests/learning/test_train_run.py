@@ -28,7 +28,7 @@ from tests.tiers import EXHAUSTIVE
 TINY = TrainSettings(recipe="paper", updates=6, rounds=1, round_steps=150, batch=2, length=20)
 METHODS = {
     "dagger": TINY,
-    "awr": replace(TINY, method="awr", critic_updates=20, belief=True),
+    "awr": replace(TINY, method="awr", critic_updates=20, front="pooled", belief=True),
     "cql_sac": replace(TINY, method="cql_sac"),
 }
 
@@ -168,7 +168,7 @@ def test_resuming_a_finished_run_leaves_its_policy_as_it_is(method, data, whole)
 def test_its_policy_is_a_checkpoint_that_says_how_it_was_made(method, whole):
     checkpoint = load_checkpoint(whole / "policy.pt")
     assert checkpoint.policy.config == method.config()
-    told = ", belief" if method.belief else ""
+    told = ", pooled front, belief" if method.belief else ""
     assert (
         f"{method.method}, recipe paper{told}\n6 updates of 2 x 20 steps, seed 0" in checkpoint.meta.training
     )

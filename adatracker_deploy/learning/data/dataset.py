@@ -40,6 +40,8 @@ class Batch:
 
     packed: NDArray[np.uint8]
     """(B, K + L, P), the masks as a shard has them."""
+    statistics: NDArray[np.float32]
+    """(B, K + L, F), `mask_statistics`; no columns unless the data have them."""
     actions: NDArray[np.float32]
     """(B, K + L, 2), executed."""
     experts: NDArray[np.float32]
@@ -107,6 +109,7 @@ class Dataset:
         self._length: _Index = np.array([episode.steps for episode in headers], np.int64)
         self._first: _Index = np.cumsum(self._length) - self._length
         self._beliefs = np.zeros((len(steps), 0), np.float32)
+        self._statistics = np.zeros((len(steps), 0), np.float16)
         bodies = [(header.body, header.change) for header in headers]
         self._bodies = np.array(
             [[described(body), described(change.of(body) if change else body)] for body, change in bodies],
@@ -166,6 +169,12 @@ class Dataset:
         found._beliefs = beliefs_of(self.steps.masks, self.steps.actions, self._first, self._length)
         return found
 
+    def with_statistics(self, statistics: NDArray[np.float16]) -> Self:
+        """Return the same data, with the `mask_statistics` (T, F) of each of its masks."""
+        found = copy.copy(self)
+        found._statistics = statistics
+        return found
+
     def sample(self, rng: np.random.Generator, batch: int, length: int, history: int) -> Batch:
         """Draw sequences: an episode as likely as it is long, and in it a place to begin.
 
@@ -206,6 +215,7 @@ class Dataset:
         steps = self.steps
         return Batch(
             packed=np.where(exists[..., None], steps.masks[index], np.uint8(0)),
+            statistics=np.where(exists[..., None], self._statistics[index], np.float32(0)),
             actions=np.where(exists[..., None], steps.actions[index], np.float32(0)),
             experts=np.where(valid[..., None], steps.experts[now], np.float32(0)),
             rewards=np.where(valid, steps.rewards[now], np.float32(0)),

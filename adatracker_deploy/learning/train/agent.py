@@ -11,13 +11,15 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from adatracker_deploy.learning.checkpoint import ADATRACKER_MASK
-from adatracker_deploy.learning.data.shard import distinct_patches
+from adatracker_deploy.learning.data.shard import distinct_patches, unpack_masks
+from adatracker_deploy.learning.mask_statistics import mask_statistics
 from adatracker_deploy.learning.networks import (
     AdaTrackerConfig,
     ContextEncoder,
     ContextHeads,
     ContextPolicy,
     DynamicsHead,
+    PooledFront,
 )
 from adatracker_deploy.policy.drawing import colour_table
 
@@ -38,6 +40,15 @@ def drawn(classes: NDArray[np.uint8] | Tensor) -> Tensor:
     return functional.embedding(torch.as_tensor(classes).int(), table).movedim(-1, -3)
 
 
+def statistics_of(packed: NDArray[np.uint8]) -> NDArray[np.float16]:
+    """Return the `mask_statistics` (T, F) of packed masks (T, P)."""
+    parts = np.array_split(packed, range(_CHUNK, len(packed), _CHUNK))
+    return np.concatenate([mask_statistics(drawn(unpack_masks(part))).half().numpy() for part in parts])
+
+
+_CHUNK = 2000
+"""Masks that are drawn at a time: 100 MB."""
+
 CONTEXT_EVERY = 4
 """Steps for which training keeps a context; each costs K steps of the encoder's LSTM. At deployment there is
 a new one every tick: it changes little in between, as the consistency task asks."""
@@ -51,6 +62,8 @@ class Sequences:
     """(U, C, 4, 4): the different patches of its masks, drawn."""
     place: Tensor
     """(B, K + L, P), int64: which of them each patch of a mask is, by rows."""
+    statistics: Tensor
+    """(B, K + L, F), `mask_statistics`; no columns where convolutions look, else `place` has none."""
     actions: Tensor
     """(B, K + L, A)."""
     experts: Tensor
@@ -84,7 +97,10 @@ class Sequences:
             for name in cls.__dataclass_fields__
             if name not in ("kinds", "place")
         }
-        kinds, place = distinct_patches(batch.packed)
+        if batch.statistics.shape[-1]:
+            kinds, place = np.zeros((0, 4, 4), np.uint8), np.zeros((*batch.packed.shape[:2], 0), np.int64)
+        else:
+            kinds, place = distinct_patches(batch.packed)
         return cls(kinds=drawn(kinds), place=torch.from_numpy(place), **plain)
 
     def to(self, device: torch.device) -> Self:
@@ -129,7 +145,11 @@ class Agent(nn.Module):
             sequences: on the networks' device.
             context_every: steps for which a context is kept.
         """
-        features = self.policy.backbone.of_patches(sequences.kinds, sequences.place)
+        front = self.policy.backbone
+        if isinstance(front, PooledFront):
+            features = front.of_statistics(sequences.statistics)
+        else:
+            features = front.of_patches(sequences.kinds, sequences.place)
         past = features.shape[1] - sequences.valid.shape[1]
         z = None
         if self.encoder is not None:

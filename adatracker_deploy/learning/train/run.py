@@ -29,7 +29,7 @@ from adatracker_deploy.learning.data.dataset import Dataset
 from adatracker_deploy.learning.data.recipe import load_recipe
 from adatracker_deploy.learning.episode_spec import RATE_HZ
 from adatracker_deploy.learning.tracking import ACTION
-from adatracker_deploy.learning.train.agent import Agent, Sequences
+from adatracker_deploy.learning.train.agent import Agent, Sequences, statistics_of
 from adatracker_deploy.learning.train.awr import Awr
 from adatracker_deploy.learning.train.cloning import Cloning
 from adatracker_deploy.learning.train.cql_sac import CqlSac
@@ -249,6 +249,8 @@ class _Run:
     def _labelled(self, data: Dataset) -> Dataset:
         searches = self._settings.method == "dagger" and "no-search" not in self._settings.variants
         data = data.believing() if self._settings.belief else data
+        if self._settings.front == "pooled":
+            data = data.with_statistics(statistics_of(data.steps.masks))
         return data.searching() if searches else data
 
     def _improve(self, end: int, curves: Curves, tell: Tell) -> None:

@@ -53,6 +53,8 @@ class TrainSettings:
     """Weight of the conservative term in the losses of `awr`'s critics."""
     logs: bool = False
     """The data are logged trials, not shards; `run.train` finds out."""
+    front: Literal["cnn", "pooled"] = "cnn"
+    """What looks at a mask (`AdaTrackerConfig.front`)."""
     belief: bool = False
     """The policy is told the belief across gaps (`policy.belief`)."""
     bfloat16: bool = False
@@ -63,6 +65,7 @@ class TrainSettings:
         config = AdaTrackerConfig(
             last_action="no-last-action" not in self.variants,
             lstm="no-lstm" not in self.variants,
+            front=self.front,
             belief=self.belief,
         )
         return replace(config, history=0, context=0) if "no-encoder" in self.variants else config
