@@ -1,25 +1,25 @@
-"""Whether the lock keeps the right person when people cross in rendered worlds, where the truth is known.
+"""Measure whether the lock keeps the right person when people cross in rendered worlds with known truth.
 
 python benchmarks/identity.py [CROSSINGS] [--seed S] [--keep DIR] [--width PX]
 
 A target and five others walk about, who step into the camera's line of sight again and again; in every second
 world one of them wears the target's own clothes. A camera follows the target by the truth.
 
-In a crossing, somebody nearer to the camera overlaps the target, until nobody has for a second. Then the
-target must be visible within half a second; else something else hides it, which is left out and counted. From
-there on two seconds decide, or less where the next crossing begins. Wrong: at their end the lock has
-somebody else. Found again: within them it had the target.
+In a crossing, somebody nearer to the camera overlaps the target; it ends when nobody has for a second. Then
+the target must be visible within half a second; else something else hides it, and the crossing is left out
+and counted. The next two seconds decide, or less where the next crossing begins. Wrong: at their end the lock
+is on somebody else. Found again: within them it was on the target.
 
-What takes time is not the lock but what it is given: pictures, boxes, appearances. None of it depends on the
-lock, since the camera follows the truth, and the detector's input goes by the target's true height. So each
-world is walked through twice, first without pictures, to know when people cross, then with pictures from a
-second before each crossing until its verdict. With --keep what was found in them is kept, a file for each
-world: a later call goes on from there, and another lock is judged by the same pictures in seconds. Pictures
-are half as wide as a rehearsal's, and the detector's input is 256 px at most; --width 640 has both as they
-are.
+The lock itself takes little time; its inputs (pictures, boxes, appearances) take most of it. None of them
+depends on the lock, since the camera follows the truth, and the detector's input size follows from the
+target's true height. So each world is walked through twice, first without pictures, to know when people
+cross, then with pictures from a second before each crossing until its verdict. With --keep the detections are
+saved, a file for each world: a later call goes on from there, and another lock is judged by the same pictures
+in seconds. Pictures are half as wide as a rehearsal's, and the detector's input is 256 px at most;
+--width 640 uses a rehearsal's sizes for both.
 
-In the second before a crossing the lock is told who the target is, unless it knows. Left out, and counted:
-crossings before which it does not have the target even so.
+In the second before a crossing the lock is told who the target is, unless it knows. Crossings before which
+it does not have the target even so are left out and counted.
 """
 
 from __future__ import annotations
@@ -60,14 +60,14 @@ WIDTH, SMALL_SIDE = 640, 256
 WORLD_S = 180
 OTHERS = 5
 LEAD, AFTER, HIDDEN, APART = 10, 20, 5, 10
-"""Steps of a crossing's pictures before it; from when the target is visible until the verdict; after a
-crossing in which the target must become visible; and between two crossings."""
+"""Numbers of steps: of pictures before a crossing; from when the target is visible until the verdict; after a
+crossing, within which the target must become visible; and at most between two that count as one crossing."""
 VISIBLE = 0.005
 """Share of the picture: about an eighth of somebody at the desired distance."""
 SHOULDERS_M = 0.5
 CAMERA_M = (0.4, 1.0, 1.7)
 MATCH = 0.5
-"""IoU of a box with the target's visible part from which on it is the target's."""
+"""IoU with the target's visible part above which a box counts as the target's."""
 TRUTH = 80
 """Rows and columns of the true masks that are kept."""
 
@@ -87,7 +87,7 @@ class Walk(NamedTuple):
 
 
 class Found(NamedTuple):
-    """What was found in one picture, as the lock is given it, and the truth."""
+    """The detections in one picture, as the lock receives them, and the truth."""
 
     boxes: np.ndarray
     """In the picture's widths, shape (n, 4)."""
@@ -103,7 +103,7 @@ class Found(NamedTuple):
         return bool(np.mean(self.truth == MaskClass.TARGET) > VISIBLE)
 
     def place(self) -> int | None:
-        """Return the target's box; None where it has none."""
+        """Return the index of the target's box; None if no box matches it."""
         rows, columns = np.nonzero(self.truth == MaskClass.TARGET)
         if not len(rows) or not len(self.boxes):
             return None
@@ -121,7 +121,7 @@ class Found(NamedTuple):
 
 
 class Played(NamedTuple):
-    """A world's crossings, and what was found in their pictures, by step."""
+    """A world's crossings, and the detections in their pictures, by step."""
 
     crossings: list[Crossing]
     found: dict[int, Found]
@@ -134,7 +134,7 @@ class Tally:
     crossings: int = 0
     wrong: int = 0
     found_s: list[float] = field(default_factory=list)
-    """Times, s, until the target was seen again; of crossings after which that was in time."""
+    """Times until the target was seen again, s, for the crossings after which that was in time."""
     hidden: int = 0
     unchosen: int = 0
     """Crossings before which the lock does not have the target."""
@@ -257,7 +257,7 @@ def read(kept: Path) -> Played:
 
 
 class Follower:
-    """The lock, fed with what was found, step by step."""
+    """The lock, fed with the detections, step by step."""
 
     def __init__(self, found: dict[int, Found]) -> None:
         self._found = found
@@ -265,7 +265,7 @@ class Follower:
         self._last = -1
 
     def look(self, step: int, *, told: bool = False) -> Verdict | None:
-        """Return whom the lock has; where it is told, and does not have the target, it is given them."""
+        """Return the verdict on the lock's choice; with `told`, put it on the target first if it is not."""
         here, t_ns = self._found[step], step * 10**9 // RATE_HZ
         if step != self._last + 1:
             self._lock = None

@@ -1,6 +1,7 @@
-"""What a piece of work keeps in memory, counted in blocks of Python's allocator: about one for each object.
+"""Memory in use, counted in blocks of Python's allocator: about one for each object.
 
-The process's peak says less: it may be older than the work, and hides or adds tens of megabytes.
+The difference across a piece of work is what it keeps. The process's peak memory says less: it may be older
+than the work, and hides or adds tens of megabytes.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ PROGRAM = "adatracker-deploy"
 
 @pytest.fixture(scope="module")
 def script(tmp_path_factory):
-    """Scripts by shell, as files."""
+    """Give a function that writes a shell's completion script and returns its path."""
     folder = tmp_path_factory.mktemp("completion")
 
     def write(shell, capsys):
@@ -29,7 +29,7 @@ def script(tmp_path_factory):
 
 
 def completed(path, folder, *words):
-    """What a bash offers for the last of the words."""
+    """Return the completions that bash offers for the last of the words."""
     line = " ".join(f"'{word}'" for word in (PROGRAM, *words))
     code = (
         f"source '{path}'\n"

@@ -1,4 +1,4 @@
-"""What deploy/ installs fits the toolkit, and a trial runs and stops as its unit says."""
+"""The files that deploy/ installs fit the toolkit, and a trial runs and stops as its systemd unit says."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the command prints goes where it can: a closed pipe and a full disk end it in a line."""
+"""A closed pipe ends the command silently; a full disk under its output ends it with one line on stderr."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A rehearsal waits for what draws its pictures; a real camera that is silent is given up as ever."""
+"""A rehearsal waits for its simulator's first picture; a silent real camera is given up after one attempt."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def server():
 
 @pytest.fixture
 def making(server):
-    """What makes a camera of the server's stream; it keeps those that it made."""
+    """Give a function that opens the server's stream as a camera; as a list it holds those it opened."""
 
     class Making(list):
         def __call__(self):
@@ -46,7 +46,7 @@ def making(server):
 
 
 def test_a_simulated_camera_whose_first_picture_takes_long_is_waited_for(server, making):
-    """The first picture comes once the first attempt was given up."""
+    """The first picture comes only after the first attempt to open the camera has timed out."""
     over = threading.Event()
 
     def draw():

@@ -16,7 +16,7 @@ MOVE_S = 1.6
 
 
 class Rest:
-    """Whether somebody is up or sits; begins up.
+    """One person's state: up or seated. It begins up.
 
     Args:
         rng: decides when, and for how long.

@@ -1,4 +1,4 @@
-"""How often what repeats is told of."""
+"""A repeated event is logged at each power of ten of its count."""
 
 from hypothesis import given
 from hypothesis import strategies as st

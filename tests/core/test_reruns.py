@@ -1,4 +1,4 @@
-"""What a re-run could hide: each case is a run of pytest of its own, whose machine seems to stand still."""
+"""Re-runs hide no real failure; each case runs pytest anew, on a machine that seems to stand still."""
 
 from __future__ import annotations
 

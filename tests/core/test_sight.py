@@ -1,4 +1,4 @@
-"""What was seen is judged by the truth: seen, somebody else, not trusted, not found, hidden, outside."""
+"""Each sight is judged by the truth: seen, somebody else, not trusted, not found, hidden or outside."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ HERE, THERE, HALF = slice(2, 8), slice(12, 18), slice(5, 11)
 
 
 def mask(*drawn):
-    """A mask of 20 x 20 with these (value, columns) in rows 4 to 16."""
+    """Return a 20 x 20 mask with these (value, columns) in rows 4 to 16."""
     shown = np.zeros((20, 20), np.uint8)
     for value, columns in drawn:
         shown[4:16, columns] = value

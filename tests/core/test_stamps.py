@@ -1,4 +1,4 @@
-"""What a sender's stamps tell: new, repeated, belated, or that it began again."""
+"""A sender's stamps tell whether a message is new, repeated or late, and whether the sender restarted."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What only repeats a claim runs every night, and nothing is left out unseen."""
+"""Tests that only repeat a claim run in the nightly run alone, and pytest counts each one left out."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is fit, what could be better and what refuses, at each limit."""
+"""The doctor's verdict on each finding at its limits: fit, could be better, or refused."""
 
 from __future__ import annotations
 

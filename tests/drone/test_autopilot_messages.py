@@ -1,4 +1,4 @@
-"""What the simulated PX4 tells and answers on the wire, and that hostile bytes move nothing."""
+"""The simulated PX4 sends and answers MAVLink messages as PX4 does, and hostile bytes move nothing."""
 
 import dataclasses
 import math

@@ -1,4 +1,4 @@
-"""How far MAVSDK may be behind, in exact time."""
+"""MAVSDK's backlog stays bounded; tested in exact time."""
 
 from hypothesis import given
 from hypothesis import strategies as st

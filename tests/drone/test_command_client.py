@@ -1,4 +1,4 @@
-"""Whose the drone is, at any moment and over any latency; exact time, a vehicle of a few lines."""
+"""Commands never override a pilot's takeover or a stop, at any latency; exact time and a minimal vehicle."""
 
 import dataclasses
 from functools import partial

@@ -1,4 +1,4 @@
-"""Who steers the drone, in exact time and without a drone."""
+"""Control authority: set-points leave only with consent; tested in exact time and without a drone."""
 
 import dataclasses
 import threading

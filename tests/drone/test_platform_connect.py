@@ -1,4 +1,4 @@
-"""What the drone's adapter says when there is no drone."""
+"""The drone's adapter says what is wrong when there is no drone to connect to."""
 
 import contextlib
 import dataclasses

@@ -1,4 +1,4 @@
-"""What the drone's preflight refuses, and how it says so."""
+"""The drone's preflight refuses or warns of unsafe settings, and names the remedy."""
 
 import dataclasses
 

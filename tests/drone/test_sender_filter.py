@@ -1,4 +1,4 @@
-"""Who is listened to on a MAVLink link, without a socket."""
+"""The filter of senders on a MAVLink link admits only the autopilot; tested without a socket."""
 
 import pytest
 from hypothesis import given
@@ -15,7 +15,7 @@ from adatracker_drone.protocol.signing import Signer, read_key
 DRONE, OTHER = ("10.0.0.2", 14580), ("10.0.0.66", 14580)
 NOW_NS = EPOCH_2015_NS + 10**18
 TIME = 10**14
-"""The same, of a signature."""
+"""Time in a signature."""
 
 
 def attitude(**sender):

@@ -26,7 +26,7 @@ DISARMED_LANDED = mavutil.mavlink.MAV_LANDED_STATE_ON_GROUND
 
 @dataclass(frozen=True)
 class Sample:
-    """What the ground station saw at one moment of the machine's monotonic clock."""
+    """The ground station's measurements at one time of the machine's monotonic clock."""
 
     t_s: float
     speed_m_s: float
@@ -144,7 +144,7 @@ def profile(tmp_path, station):
 
 @contextlib.contextmanager
 def started(folder, *common: str):
-    """Give what starts the command with `common` and more; what is left of it in the end is killed."""
+    """Give a function that starts the command with `common` and more; kill what is left of it at the end."""
     flights: list[Flight] = []
     families: list[int] = []
 
@@ -170,7 +170,7 @@ def started(folder, *common: str):
 
 @pytest.fixture
 def fly(tmp_path, profile):
-    """Start the drone's rehearsal, which sees with the truth unless it is told otherwise."""
+    """Give a function that starts the drone's rehearsal, by default with the truth as its segmenter."""
     common = "--platform", "drone", "--sitl", "--profile", str(profile), "--segmenter", "truth"
     with started(tmp_path, *common) as start:
         yield start

@@ -1,4 +1,4 @@
-"""What link and tracker were at when both were killed is read from the link's black box."""
+"""After link and tracker are killed, report and replay show their last state from the link's black box."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def until(condition, process=None):
 
 
 def recorded(folder):
-    """What the black box of the trial in a folder holds so far."""
+    """Return the moments so far in the black box of the trial in a folder."""
     with contextlib.suppress(OSError, ValueError, StopIteration):
         return read_black_box(next(folder.glob(f"*/{FILE_NAME}")))
     return ()

@@ -1,4 +1,4 @@
-"""Real films through the real command, and through the segmenter frame by frame: nobody is mixed up."""
+"""Real films through the real command, and frame by frame through the segmenter: no person is mixed up."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def test_what_is_wrong_is_said_in_one_line_before_anything_starts(capsys, tmp_pa
 
 
 def nobody(path, seconds, rate_hz=10):
-    """A film of a wall with a window that goes up and down."""
+    """Write a film of a wall with a window that moves up and down; return its path."""
     writer = cv2.VideoWriter(
         str(path), cv2.CAP_OPENCV_MJPEG, cv2.VideoWriter_fourcc(*"MJPG"), rate_hz, (320, 240)
     )
@@ -108,7 +108,7 @@ def nobody(path, seconds, rate_hz=10):
     [(40, "no person was seen within 10 s"), (2, "no person was seen before the end: camera")],
 )
 def test_a_film_without_anybody_fails_with_a_sentence(dry_run, tmp_path, seconds, reason):
-    """Ten seconds are waited for somebody to come, or until the film is over."""
+    """The run waits ten seconds for a person to appear, or until the film is over."""
     status, summary, err, took_s = dry_run(nobody(tmp_path / "wall.avi", seconds))
     assert status == 1
     assert summary["outcome"] == "system_fault"
@@ -120,7 +120,7 @@ def test_a_film_without_anybody_fails_with_a_sentence(dry_run, tmp_path, seconds
 
 @functools.cache  # for the process: half a minute
 def watched(name):
-    """What the embedded segmenter says of each frame of a film, frame by frame, as `perceive` checks it."""
+    """Return the embedded segmenter's observation of each frame of a film, checked by `perceive`."""
     segmenter, _ = open_segmenter(EMBEDDED, "person, obstacles", Choice())
     capture = Capture(str(VIDEO / name))
     period_ns = round(1e9 / capture.rate_hz)

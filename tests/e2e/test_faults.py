@@ -1,6 +1,6 @@
-"""What dies in flight halts and lands the drone, as somebody sees it who listens on its own wire.
+"""The link halts and lands the drone if the tracker dies or hangs in flight; a listener on its wire checks.
 
-The fault matrix strikes in all other ways, and reads the simulator's own record.
+The fault matrix injects all other faults, and reads the simulator's own record.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""What ends it, ends a ground robot's motion at 0.5 m/s soon after, as somebody sees it on its own wire.
+"""However a run ends, a ground robot at 0.5 m/s soon stands; an observer on its own wire measures it.
 
-The fault matrix strikes in all other ways, and reads the simulator's own record.
+The fault matrix injects all other faults, and reads the simulator's own record.
 
 The limits are what a prototype of this software measured from 0.5 m/s, deceleration included, on quiet
 machines, plus a quarter of a second for two busy cores.
@@ -29,17 +29,17 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(120)]
 CRUISE_M_S = 0.4
 BUSY_S = 0.25
 TOLD_S = 0.55 + BUSY_S
-"""The stop goes over the wire."""
+"""Limit if the stop command reaches the robot."""
 ROBOTS_OWN_S = 1.08 + BUSY_S
-"""Nothing more comes: the robot's own time-out of 0.5 s, then its braking."""
+"""Limit if no more commands come: the robot's own time-out of 0.5 s, then its braking."""
 LEASE_S = 1.5 + BUSY_S
-"""A frozen connection: nothing more comes, and each side finds out by itself."""
+"""Limit if the connection freezes: nothing more comes, and each side finds out by itself."""
 
 
 ON_ONE = pytest.mark.parametrize(
     "robot", ["wheeled", pytest.param("quadruped", marks=EXHAUSTIVE)], indirect=True
 )
-"""What the toolkit does by itself; what a wire or a robot does is shown with both."""
+"""For stops that the toolkit does by itself; those that depend on wire or robot run with both robots."""
 
 
 @pytest.fixture(params=ROBOTS)

@@ -1,4 +1,4 @@
-"""What leaving a part out costs, against pencil and paper, and the command that trains and tells."""
+"""The ablation's statistics match hand computations, and its command trains and compares the variants."""
 
 from __future__ import annotations
 

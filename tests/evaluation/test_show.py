@@ -1,4 +1,4 @@
-"""What is shown says the numbers that were measured, beside the paper's where those are comparable."""
+"""Tables, figure and record show the measured numbers, beside the paper's where those are comparable."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Made-up evidence: of rows as they should be, and of runs in which nothing went wrong at all."""
+"""Made-up evidence: of runs as each row of the fault matrix expects, and of runs without any fault."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def flight(*, flies):
 
 
 def nothing_happened(row, platform):
-    """What a run leaves whose fault was never struck, though it says so: it goes on to its end, and on."""
+    """Return evidence of a run whose fault was recorded but never struck: it runs on past its end."""
     flies = platform == "drone"
     account = Account(
         commands=commands(9.0, 0.8 if row.moves else 0.0),
@@ -78,7 +78,7 @@ def nothing_happened(row, platform):
 
 
 def as_it_should(row, platform):
-    """What a run leaves whose fault struck, and was stopped as the row says."""
+    """Return evidence of a run whose fault struck, and which ended as the row says."""
     flies, nothing = platform == "drone", nothing_happened(row, platform)
     stopping = row.stops or row.moves
     suffered = () if row.fault in {fault.name for fault in OURS} else ((ns(0.01), row.fault),)

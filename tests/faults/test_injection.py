@@ -1,4 +1,4 @@
-"""What is injected goes to its place, into the log and to the witness; what comes too late is told."""
+"""Each fault strikes its target, and is in the log and the ground truth; one due too late is reported."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from adatracker_deploy.sim.ground_truth import FILE_NAME, GroundTruthRecorder, r
 
 
 class Simulator:
-    """A simulated robot that keeps what it is ordered."""
+    """A simulated robot that keeps the orders it receives."""
 
     faults = (LINK_DROP,)
     witness = None
@@ -56,7 +56,7 @@ def log(tmp_path):
 
 @pytest.fixture
 def inject(tmp_path):
-    """Start an injection of what is asked for; it is closed in the end."""
+    """Give a function that starts an injection of the given faults; it is closed in the end."""
     started = []
 
     def inject(*texts, flies=False):

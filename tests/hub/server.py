@@ -1,4 +1,4 @@
-"""As much of the Hugging Face Hub as its client speaks to, on this machine: repositories, commits, LFS.
+"""A local stand-in for the parts of the Hugging Face Hub that its client uses: repositories, commits, LFS.
 
 The paths and fields are those that the client asks for and reads (huggingface_hub 2.4: `hf_api.py`,
 `_commit_api.py`, `lfs.py`, `file_download.py`).
@@ -20,7 +20,7 @@ import yaml
 
 TOKEN = "hf_of_a_test"
 LARGE = (".onnx", ".npz", ".mcap")
-"""Go to large-file storage, as by the Hub's own .gitattributes."""
+"""Suffixes of files that go to large-file storage, as in the Hub's own .gitattributes."""
 LICENCES = ("apache-2.0", "mit", "cc0-1.0", "cc-by-4.0", "other")
 """Licences of the Hub's list (https://huggingface.co/docs/hub/repositories-licenses)."""
 
@@ -33,7 +33,7 @@ def git_blob(data):
 
 
 def pointer(data):
-    """What Git holds of a large file."""
+    """Return the Git LFS pointer that Git stores in place of a large file."""
     oid = hashlib.sha256(data).hexdigest()
     return f"version https://git-lfs.github.com/spec/v1\noid sha256:{oid}\nsize {len(data)}\n".encode()
 
@@ -42,7 +42,7 @@ def pointer(data):
 class Repo:
     private: bool = False
     commits: dict = field(default_factory=dict)
-    """By their hash, files by path; a file is its bytes."""
+    """The files of each commit by its hash: their bytes by path."""
     refs: dict = field(default_factory=dict)
     messages: list = field(default_factory=list)
 
@@ -72,9 +72,9 @@ class Hub:
         """(method, path) of each request."""
         self.stored = {}
         self.down = False
-        """Answers 503 to everything."""
+        """The Hub answers 503 to everything."""
         self.mangled = set()
-        """Paths of files that are sent with another last byte."""
+        """Paths of files that are sent with a wrong last byte."""
 
     def add(self, repo, files, *, kind="model", private=False):
         """Add a repository with one commit, and return that commit."""

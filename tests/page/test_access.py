@@ -1,4 +1,4 @@
-"""Who may use the operator's page: browsers of this machine that know the token."""
+"""Only browsers on this machine that know the token may use the operator's page."""
 
 from __future__ import annotations
 

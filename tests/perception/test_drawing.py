@@ -1,4 +1,4 @@
-"""Who stands nearer covers who stands farther, at whatever resolution the masks come."""
+"""In the class mask the nearer of two things covers the farther, at any resolution of their masks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is drawn over a picture: every thing in its colour, in its place, and nothing else touched."""
+"""The overlay draws everything in its colour and in its place, and changes nothing else in the picture."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PEOPLE = {MaskClass.TARGET: (60, 80), MaskClass.PERSON: (20, 40), MaskClass.OBST
 
 
 SMOOTHED = 12
-"""How far off a smoothed line's colour is."""
+"""Tolerance for the colour of a smoothed line."""
 
 
 def grey(value=90, size=(HEIGHT, WIDTH)):

@@ -1,4 +1,4 @@
-"""Whatever a segmenter gives, only an observation of the frame gets through; all else stops the robot."""
+"""Only a valid observation of the frame gets through from a segmenter; anything else stops the robot."""
 
 from __future__ import annotations
 

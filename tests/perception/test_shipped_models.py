@@ -80,7 +80,7 @@ def test_nanodet_takes_any_multiple_of_32_and_gives_each_stride_its_cells(name, 
 
 
 def pictures(every: int):
-    """Some numbers and pictures (BGR) of PETS09-S2L1."""
+    """Yield every so many pictures (BGR) of PETS09-S2L1, with their numbers."""
     capture = Capture(str(SHARED / "video" / "vtest.avi"))
     for index in range(795):
         assert capture.grab()
@@ -89,7 +89,7 @@ def pictures(every: int):
 
 
 def people(outputs: dict, width: int, least: float):
-    """Boxes of persons as the index says, best first, less those that overlap a better one."""
+    """Return the boxes and scores of persons, decoded as the index says, after non-maximum suppression."""
     boxes, scores = [], []
     for stride in (8, 16, 32):
         score = outputs[f"cls{stride}"][0, :, 0]
@@ -116,7 +116,7 @@ def overlap(a, b) -> float:
 
 
 def found_right(boxes, truth) -> int:
-    """How many boxes, best first, have a true one of their own with an overlap of half or more."""
+    """Return the number of true positives: boxes matched, best first, to a true box with an IoU >= 0.5."""
     left, right = list(truth), 0
     for box in boxes:
         overlaps = [overlap(box, other) for other in left]

@@ -1,4 +1,4 @@
-"""What a network or a queue adds is seen by stamps of any clock, and what clocks do is not taken for it."""
+"""The delay of a network or a queue is estimated from any clock's stamps; drift is not taken for delay."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ OFFSETS_NS = st.integers(-(10**20), 10**20)
 
 
 def delays(pairs):
-    """Return what is seen of (stamp, arrival) pairs."""
+    """Return the delays estimated from (stamp, arrival) pairs, ns."""
     transit = Transit()
     return [transit.delay_ns(stamp_ns, arrived_ns) for stamp_ns, arrived_ns in pairs]
 
@@ -50,7 +50,7 @@ def test_jitter_is_no_more_than_it_is(offset_ns, ways_ns):
     st.lists(st.integers(0, 200 * MS), min_size=1, max_size=60),
 )
 def test_a_delay_that_grows_is_seen_as_it_grows(offset_ns, ppm, calm_ns, growth_ns):
-    """Less what one calm picture took, and the drift that is forgiven."""
+    """The estimate may be short by the travel time of an undelayed picture and the allowed drift."""
     ways_ns = [*calm_ns, *itertools.accumulate(growth_ns, initial=calm_ns[-1])]
     taken_ns = [n * PERIOD_NS for n in range(len(ways_ns))]
     stamps_ns = [t_ns + t_ns * ppm // 1_000_000 + offset_ns for t_ns in taken_ns]

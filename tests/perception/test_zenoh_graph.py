@@ -39,7 +39,7 @@ NAMES = st.from_regex(r"[A-Za-z_][A-Za-z0-9_]{0,9}(/[A-Za-z_][A-Za-z0-9_]{0,9}){
 
 
 def entity(token):
-    """What ros2/rmw_zenoh's `Entity::make` reads in a token (liveliness_utils.cpp, 0.2 to 0.10)."""
+    """Parse a token as ros2/rmw_zenoh's `Entity::make` does (liveliness_utils.cpp, 0.2 to 0.10)."""
     parts = token.split("/")
     assert len(parts) in (9, 13)
     assert all(parts)

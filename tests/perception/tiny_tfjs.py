@@ -11,7 +11,7 @@ import numpy as np
 
 @dataclass
 class TinyModel:
-    """What has been added so far; `files` gives `model.json` and the weights."""
+    """A model under construction; `files` returns its `model.json` and its weights."""
 
     nodes: list[dict] = field(default_factory=list)
     weights: list[dict] = field(default_factory=list)

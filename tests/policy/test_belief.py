@@ -1,4 +1,4 @@
-"""What a policy is told of a target that it does not see."""
+"""The belief: what a policy is told about a target that it does not see."""
 
 from __future__ import annotations
 

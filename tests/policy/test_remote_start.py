@@ -1,4 +1,4 @@
-"""Whoever is no server of a policy for a robot is refused before anything moves, in one sentence."""
+"""A server that cannot serve a policy for a robot is refused in one sentence, before anything moves."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `serve` serves, to whom, and how it ends."""
+"""The `serve` command: valid requests are answered, all others refused, and an interrupt ends it."""
 
 from __future__ import annotations
 

@@ -182,7 +182,7 @@ def manifest(interface="streaming", **changes):
 
 @dataclass
 class Parts:
-    """What `write_bundle` takes; tests break one thing in it."""
+    """The arguments of `write_bundle`; a test breaks one of them."""
 
     interface: str = "streaming"
     manifest: Manifest = field(default=None)

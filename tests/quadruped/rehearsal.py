@@ -1,4 +1,4 @@
-"""A simulated robot and whoever drives it, for tests of what happens between them."""
+"""A simulated robot and an adapter that drives it, for tests of what happens between them."""
 
 import contextlib
 import dataclasses
@@ -56,20 +56,20 @@ def goes_wrong(profile, fault):
 
 
 def tell(session, key, payload):
-    """Put once somebody listens."""
+    """Publish the payload once there is a subscriber."""
     publisher = publisher_of(session, key)
     until(lambda: publisher.matching_status.matching)
     publisher.put(payload)
 
 
 def speed(platform):
-    """What the robot's odometry says, m/s."""
+    """Return the speed in the robot's odometry, m/s."""
     velocity = platform.state().velocity
     return math.hypot(velocity.vx, velocity.vy)
 
 
 def moved(platform, since, seconds=1.0):
-    """How far the robot is from `since` after so long, m."""
+    """Wait `seconds`; return the robot's distance from the pose `since`, m."""
     platform.clock.sleep_until(platform.clock.now_ns() + round(seconds * 1e9))
     pose = platform.state().pose
     return since.distance_to(pose.x, pose.y)

@@ -1,4 +1,4 @@
-"""How a robot takes commands: in order, in time, and of the one kind it was told to expect."""
+"""A robot takes commands in order, in time, and only of the kind it was told to expect."""
 
 import math
 

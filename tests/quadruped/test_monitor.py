@@ -1,4 +1,4 @@
-"""What counts as news from a robot."""
+"""The quadruped's monitor tells new messages from repeated, late and foreign ones."""
 
 import itertools
 import math

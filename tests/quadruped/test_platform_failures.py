@@ -1,4 +1,4 @@
-"""What goes wrong on the robot's side or on the way: the host stops, says why, never resumes by itself."""
+"""The host stops if the robot or the connection fails, says why, and never resumes by itself."""
 
 import contextlib
 import os
@@ -42,12 +42,12 @@ PATIENCE_S = 2.5
 
 
 def refused(platform):
-    """The names of the checks that refuse to engage."""
+    """Return the names of the preflight checks that forbid engaging."""
     return [check.name for check in platform.preflight() if check.blocking and not check.ok]
 
 
 def walks_until_it_fails(platform, match):
-    """Send on until the adapter refuses; return the machine's seconds that took."""
+    """Send commands until the adapter refuses one; return how long that took, in the machine's seconds."""
     begin = time.monotonic()
     with pytest.raises(PlatformError, match=match):
         send_for(platform, WALK, 5.0)
@@ -63,7 +63,7 @@ def stays_stopped(platform, why):
 
 
 def walks_again(platform):
-    """An explicit engage is obeyed once the robot is heard again."""
+    """Check that an explicit engage is obeyed once the robot is heard again."""
 
     def engaged():
         try:

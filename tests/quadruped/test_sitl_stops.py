@@ -1,4 +1,4 @@
-"""What goes wrong on the host's side: the robot stops by itself, and tells how soon."""
+"""The simulated robot stops by itself in time when its host fails; the tests print how soon."""
 
 import contextlib
 import math
@@ -46,7 +46,7 @@ def driver(profile, ending):
 
 
 class Onlooker:
-    """Hears the robot's odometry beside its host."""
+    """A second subscriber to the robot's odometry, beside its host."""
 
     def __init__(self, session):
         self._tap = Subscriber(session, "odom", decode_odometry, MonotonicClock(), SMALL_CAP_BYTES)

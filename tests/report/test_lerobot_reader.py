@@ -1,4 +1,4 @@
-"""lerobot's own reader, in an environment of its own, finds the log's frames and actions in an export."""
+"""lerobot's own reader, in a separate environment, finds the log's frames and actions in an export."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ HOW = (
 
 @pytest.fixture
 def read(tmp_path):
-    """Return what lerobot reads of a folder."""
+    """Give a function that returns what lerobot reads from a folder."""
     python = os.environ.get(PYTHON)
     if not python:
         pytest.skip(HOW)
@@ -52,7 +52,7 @@ def read(tmp_path):
 
 
 def a_view(number):
-    """A picture with a square at a place of its own, so that no two are alike."""
+    """Return a picture with a square whose place depends on the number, so that no two are alike."""
     rgb = np.full((96, 128, 3), 90, np.uint8)
     cv2.rectangle(rgb, (8 * number + 4, 20), (8 * number + 28, 70), (220, 60 + 10 * number, 40), -1)
     return Frame(rgb, START_NS + number * TICK_NS, number)
@@ -60,7 +60,7 @@ def a_view(number):
 
 @pytest.fixture
 def trial(tmp_path):
-    """A trial of ten ticks with a gap in the middle, and a command that a newer one replaced behind it."""
+    """Log a trial of ten ticks with a gap in the middle, and after it a command that a newer one replaced."""
     with a_log(tmp_path / "trials", steps=9) as log:
         for number in range(10):
             sent = None if number == 7 else Twist(vx=0.1 * number, yaw_rate=-0.05 * number)
@@ -73,7 +73,7 @@ def trial(tmp_path):
 
 
 def went_out(steps, number):
-    """What the link sent in a tick; where a newer command replaced the tick's, what it went on sending."""
+    """Return the twist that the link sent in a tick; if the tick's was never sent, the last one before it."""
     *_, last = ZERO, *(step.sent for step in steps if step.step <= number and step.sent is not None)
     return [last.vx, last.vy, last.vz, last.yaw_rate]
 

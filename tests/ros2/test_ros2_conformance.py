@@ -1,4 +1,4 @@
-"""The adapter against the simulated robot's node in another process: each promise of `Platform`."""
+"""The adapter keeps each promise of `Platform`, against the simulated robot's node in another process."""
 
 import dataclasses
 from typing import ClassVar
@@ -26,7 +26,7 @@ class TestRos2InSitl(PlatformConformance):
     says = "adatracker_ros2.adapter.command_publisher:write_command"
 
     def said(self, *values):
-        """What rclpy makes of the message, which is what goes out."""
+        """Return the message as serialized by rclpy, which is what goes out."""
         return serialize_message(values[-1])
 
     @pytest.fixture(scope="class")
@@ -36,7 +36,7 @@ class TestRos2InSitl(PlatformConformance):
 
     @staticmethod
     def seldom_drawn(**connection):
-        """Draw seldom: nobody watches, and on a busy machine it takes the time of all the rest."""
+        """Return a profile with a slow camera: nobody watches, and rendering slows down a busy machine."""
         profile = load_profile("ros2_robot", Ros2Platform)
         return dataclasses.replace(
             profile,

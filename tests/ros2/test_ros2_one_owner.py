@@ -1,4 +1,4 @@
-"""A ROS 2 topic has no owner: whoever else publishes commands is found, named, and left the robot."""
+"""A ROS 2 topic has no owner: any other publisher of commands is found and named, and gets the robot."""
 
 import dataclasses
 import json
@@ -69,7 +69,7 @@ def test_a_publisher_that_appears_stops_the_robot_and_the_stop_latches(robot):
 
 
 def test_whoever_takes_a_robot_that_is_held_has_it(robot):
-    """Between a trial's stop and its end the robot is not driven, and somebody may take it over."""
+    """Between a trial's stop and its end the robot is not driven, so another program may take it over."""
     topic = Topics(robot.connection).command
     with adapter(robot) as platform, listener(robot.connection, "listener", topic, TWIST) as heard:
         platform.connect()
@@ -160,7 +160,7 @@ participant.close()
 
 
 def test_a_node_looks_for_others_on_this_machine_only(robot, tmp_path):
-    """Where strace is there: every datagram of a node goes to 127.0.0.1, none to a multicast address."""
+    """Every datagram of a node goes to 127.0.0.1, none to a multicast address; needs strace."""
     trace = tmp_path / "trace"
     command = ["strace", "-f", "-e", "trace=sendto,sendmsg", "-o", str(trace), sys.executable, "-c", PROBE]
     try:

@@ -1,4 +1,4 @@
-"""What the preflight makes of what it heard; needs no ROS 2."""
+"""The ROS 2 preflight judges what it heard from the robot; these tests need no ROS 2."""
 
 import dataclasses
 import math

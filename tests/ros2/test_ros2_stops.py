@@ -1,4 +1,4 @@
-"""What ends it, ends a ROS 2 robot's motion at 0.5 m/s soon after, as another node sees it in its odometry.
+"""However a run ends, a ROS 2 robot at 0.5 m/s soon stands; another node measures it from its odometry.
 
 The limits are those of the other ground robots (tests/e2e/test_ground_stops.py).
 """

@@ -1,4 +1,4 @@
-"""What the link was told and did outlives whoever is killed."""
+"""The black box keeps the link's set-points and actions, whichever process is killed."""
 
 from __future__ import annotations
 

@@ -68,7 +68,7 @@ def test_a_whole_drive_through_the_process(link, clock):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP], ids=lambda number: number.name)
 def test_what_a_terminal_tells_its_group_while_it_starts_does_not_reach_it(link, number):
-    """Of Ctrl-C and of a lost line, which a run may outlive, the tracker alone decides."""
+    """Only the tracker decides what to do about Ctrl-C and a lost terminal, which a run may outlive."""
     os.kill(link.pid, number)
     (check,) = link.connect()
     assert check.ok

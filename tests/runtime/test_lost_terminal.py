@@ -13,7 +13,7 @@ from adatracker_deploy.runtime.lost_terminal import let_go, tolerated
 
 @pytest.fixture
 def terminal():
-    """What a program writes to, and the end that hangs up when it is closed."""
+    """Give both ends of a terminal: the one that hangs up when closed, and the stream a program writes to."""
     far, near = pty.openpty()
     with os.fdopen(near, "w") as stream:
         yield far, stream

@@ -1,4 +1,4 @@
-"""Whatever asks to stop is remembered, interrupts a trial once, and never what ends it."""
+"""Every stop request is remembered; it interrupts a trial once, and never the trial's ending."""
 
 from __future__ import annotations
 

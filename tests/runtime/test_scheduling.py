@@ -1,4 +1,4 @@
-"""What is asked for is what the kernel gives to the right threads, or is refused in a line."""
+"""The right threads get the requested cores and priority, or the request is refused in one line."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def test_nothing_asked_for_is_nothing_changed():
 
 @pytest.fixture
 def latency_file(tmp_path, monkeypatch):
-    """Stands where the kernel's file is, which only some may open."""
+    """Give a stand-in for the kernel's /dev/cpu_dma_latency, which only some users may open."""
     file = tmp_path / "cpu_dma_latency"
     monkeypatch.setattr("adatracker_deploy.runtime.scheduling.LATENCY_FILE", file)
     return file

@@ -1,4 +1,4 @@
-"""What a trial's eyes were worth, by the truth of each picture."""
+"""A trial's perception is scored against the truth of each picture."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.trial.records import REFERENCE, TICK_NS, a_step, any_steps
 
 
 def tallied(*verdicts, **changes):
-    """A tick of each verdict; the target is in the picture unless it is hidden or outside."""
+    """Return the summary of one tick per verdict; hidden and outside ticks have no true box."""
     tally = SightTally()
     for number, verdict in enumerate(verdicts):
         hidden = verdict in (Verdict.HIDDEN, Verdict.OUTSIDE)

@@ -1,4 +1,4 @@
-"""What a trial and a set of trials came to."""
+"""The summaries of a trial and of a set of trials."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a witness writes is read again: in the order of time, whoever wrote it, up to the last whole line."""
+"""The ground-truth record is read in order of time, from all its writers, up to the last whole line."""
 
 from __future__ import annotations
 

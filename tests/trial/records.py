@@ -45,12 +45,12 @@ def a_step(step: int, **changes) -> StepRecord:
 
 
 def any_steps(**fields) -> st.SearchStrategy[StepRecord]:
-    """Whatever a record may hold, in its optional fields too; `fields` are strategies of their own."""
+    """Generate any valid record, with its optional fields; `fields` replaces some fields' strategies."""
     return st.builds(StepRecord, **({field.name: ... for field in dataclasses.fields(StepRecord)} | fields))
 
 
 def scored(record) -> ScoredStep:
-    """As much of it as scoring needs."""
+    """Return the fields of a record that scoring needs."""
     return ScoredStep(**{field.name: getattr(record, field.name) for field in dataclasses.fields(ScoredStep)})
 
 

@@ -1,4 +1,4 @@
-"""What a black box tells after the end of a log, in numbers, in a report and in a replay."""
+"""The black box shows what happened after a log's end: in numbers, in a report and in a replay."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ GO = Twist(vx=0.8)
 
 
 def statuses(last_step_ns):
-    """A link whose tracker is killed: it sends on for 0.1 s, holds, and disengages; the robot brakes."""
+    """Yield a link's statuses as its tracker is killed: it sends on for 0.1 s, then disengages and brakes."""
     state = PlatformState(t_ns=1, mode="DRIVE", engaged=True, velocity=GO)
     for slot in range(-20, 60):
         after_s = slot * 0.02

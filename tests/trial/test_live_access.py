@@ -1,4 +1,4 @@
-"""Who may watch the live view, and that its clients are bounded in number and in what they send."""
+"""The live view serves this machine and Foxglove only, and bounds the number and requests of clients."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ FOREIGN = [
 
 @pytest.fixture
 def view():
-    """A view, and its port."""
+    """Give a live view and its port."""
     port = choose_port(0)
     shown = LiveView(port)
     yield shown, port
@@ -75,7 +75,7 @@ def view():
 
 
 def connected(port, host=None, origin=None, subprotocols=(SUBPROTOCOL,)):
-    """A websocket with these headers."""
+    """Open a websocket with these headers."""
     sock = socket.create_connection(("127.0.0.1", port), WAIT_S)
     return connect(
         f"ws://{host or f'127.0.0.1:{port}'}/",
@@ -87,7 +87,7 @@ def connected(port, host=None, origin=None, subprotocols=(SUBPROTOCOL,)):
 
 
 def status_of(port, **headers):
-    """What a request with these headers is answered."""
+    """Return the HTTP status of the answer to a request with these headers."""
     try:
         with connected(port, **headers) as websocket:
             assert json.loads(websocket.recv(timeout=WAIT_S))["op"] == "serverInfo"
@@ -101,7 +101,7 @@ def a_message(size=10, topic="/step"):
 
 
 def raw(port, request):
-    """What raw bytes are answered, to the end."""
+    """Send raw bytes; return the whole answer, until the connection ends."""
     with socket.create_connection(("127.0.0.1", port), WAIT_S) as asked:
         asked.sendall(request)
         answer = b""
@@ -166,7 +166,7 @@ HANDSHAKE = (
         (b"GET / HTTP/1.1\r\n\r\n", b" 403 "),
         (b"GET / HTTP/1.1\r\nHost: localhost\r\nHost: evil.example\r\n\r\n", b" 403 "),
         (HANDSHAKE % b"\x8d", b""),
-        (HANDSHAKE % b"1" + b"\xff" * 20, b""),  # a frame that is none, sent with the request
+        (HANDSHAKE % b"1" + b"\xff" * 20, b""),  # bytes that are no valid frame, sent with the request
         (b"\x16\x03\x01 no HTTP at all\r\n\r\n", b""),
         (b"GET / HTTP/1.1\r\nX: " + b"x" * 100_000 + b"\r\n\r\n", b""),
     ],
@@ -229,7 +229,7 @@ IN_PARTS = (
 
 @pytest.mark.parametrize("request_", [ANNOUNCED, IN_PARTS], ids=["announced", "in parts"])
 def test_a_request_that_is_too_large_ends_the_connection(view, request_):
-    # not a byte more than ends it: one that is still sending when the socket closes never reads why
+    # Just enough bytes to end it: a client still sending when the socket closes never reads the reason.
     with Viewer(view[1], topics=()) as viewer:
         viewer.socket.sendall(request_)
         with pytest.raises(ConnectionClosed) as ended:
@@ -301,7 +301,7 @@ def test_who_asks_and_never_reads_the_answers_is_not_read_any_more(view):
     shown, port = view
     with Viewer(port, topics=(), receive_bytes=1 << 12) as asker, Viewer(port, topics={"/step"}) as watcher:
         asker.socket.settimeout(0.5)
-        with contextlib.suppress(TimeoutError):  # the kernel's buffers are full, and the view's are not to be
+        with contextlib.suppress(TimeoutError):  # the kernel's buffers are full; the view's must not be
             while True:
                 asker.socket.sendall(b"\x81\x80\0\0\0\0" * 1000)  # empty texts
         (client,) = [each for each in shown._clients if not each.wants_to_read]

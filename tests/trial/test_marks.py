@@ -1,4 +1,4 @@
-"""What an operator says of a trial is kept beside its log, changes no byte of it, and is what is scored."""
+"""An operator's mark on a trial is kept beside its log, leaves the log unchanged, and is what is scored."""
 
 from __future__ import annotations
 

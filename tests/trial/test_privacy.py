@@ -1,4 +1,4 @@
-"""Who did not ask to be in a log cannot be recognised in it, and the target can still be seen."""
+"""Bystanders cannot be recognised in a log, and the target can still be seen."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ RNG = np.random.default_rng(5)
 NOISE = np.repeat(np.kron(RNG.integers(0, 2, (30, 40, 1)) * 255, np.ones((4, 4, 1))), 3, axis=2).astype(
     np.uint8
 )
-"""Blurred or not can be told at every pixel, and JPEG leaves it so."""
+"""A pattern that shows at every pixel whether it was blurred, even after JPEG."""
 SECOND_NS = 1_000_000_000
 
 

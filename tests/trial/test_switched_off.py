@@ -1,4 +1,4 @@
-"""What a profile switches off is told at the start of every trial, and stands in its log."""
+"""Every trial warns at its start of the gate checks that its profile switches off, and logs them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the log's writer brings to the disk, and when."""
+"""The log's writer syncs its file and folders to the disk in time, and outlives a broken live view."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ METADATA = {"trial": {"step_format": "1"}, "config": {"yaml": "{}"}}
 
 @pytest.fixture
 def writing(tmp_path, monkeypatch):
-    """A writer in a thread: its post, its file, what was synced and when."""
+    """Run a writer in a thread; give its post, its folder, what it has synced, and a condition to wait on."""
     synced, changed = [], threading.Condition()
 
     def note(what):
@@ -42,7 +42,7 @@ def writing(tmp_path, monkeypatch):
 
 @contextlib.contextmanager
 def started(folder, live_port=None):
-    """Give the post of a writer in a thread, which is ready."""
+    """Start a writer in a thread; give its post once it is ready."""
     near, far = Post.pair()
     memory = PictureSlots.allocate()
     thread = threading.Thread(target=writer.TrialWriter(Post(far), PictureSlots(memory)).run)

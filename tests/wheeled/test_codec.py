@@ -1,4 +1,4 @@
-"""What holds for every base: nothing unreal is sent, nothing malformed is believed, mistakes are named."""
+"""Every base's codec sends only finite commands, drops malformed frames and names mistakes."""
 
 import itertools
 import math

@@ -1,4 +1,4 @@
-"""Where the wheels say the base is, against paths worked out by hand."""
+"""Dead reckoning from the wheels matches paths worked out by hand."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""What is made of a base's words, and when it must not be driven on: pure, at any time."""
+"""The receiver interprets a base's frames, and says when the base must not be driven on."""
 
 import dataclasses
 
@@ -76,7 +76,7 @@ def test_no_mode_but_ours_is_ever_driven_on(status, pressed):
     assert judged(heard(status=dataclasses.replace(status, emergency_stop=pressed))) is not None
 
 
-# The ear
+# Receiving frames
 
 
 def ear():

@@ -1,4 +1,4 @@
-"""What goes out and when: the newest command, for as long as it lives, then three zeros, then nothing."""
+"""The transmitter sends the newest command for its lifetime, then three zeros, then nothing."""
 
 import contextlib
 import threading
@@ -80,7 +80,7 @@ def test_nothing_but_zero_goes_out_once_a_command_is_too_old_or_stopped(acts, st
 
 
 class Wire:
-    """Notes what is put on it, and when."""
+    """Records each twist sent, and when."""
 
     def __init__(self):
         self.sent = []

@@ -1,4 +1,4 @@
-"""The promises of every platform: over a virtual bus in one process, and over socketcand to another."""
+"""Wheeled bases keep every promise of `Platform`: on a virtual bus in-process, and over socketcand."""
 
 import dataclasses
 import math
@@ -20,7 +20,7 @@ class OnAVirtualBus(WheeledPlatform):
 
 
 class OnCan(PlatformConformance):
-    """What goes out are frames: their ids, two bytes, and their data."""
+    """Conformance tests on CAN: the bytes sent are each frame's id, in two bytes, and its data."""
 
     says = "adatracker_wheeled.protocol.bus:Bus.send"
 
@@ -37,7 +37,7 @@ V2 = {
 V1 = {Twist(vx=0.75, yaw_rate=-0.26175): "0130 0100 32ce 0000"}
 """AgileX's protocol v1: CAN control, per cent of 1.5 m/s and of 0.5235 rad/s."""
 TURN_S = 2 * math.pi * 0.085
-"""m/s of a wheel that turns once a second."""
+"""Speed of a wheel that turns once a second, m/s."""
 ODRIVE = {
     Twist(vx=TURN_S): ("000d 0000803f", "002d 000080bf"),  # the right motor is mounted the other way round
     Twist(yaw_rate=TURN_S / 0.4): ("000d 000000bf", "002d 000000bf"),
@@ -83,6 +83,6 @@ class TestScoutInSitl(OnCan):
     @pytest.fixture(scope="class")
     @classmethod
     def profile(cls):
-        """Draw seldom: nobody watches, and on a busy machine it takes the time of all the rest."""
+        """Return a profile with a slow camera: nobody watches, and rendering slows down a busy machine."""
         profile = load_profile("scout", WheeledPlatform)
         return dataclasses.replace(profile, camera=dataclasses.replace(profile.camera, rate_hz=1.0))

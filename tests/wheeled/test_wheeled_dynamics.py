@@ -1,4 +1,4 @@
-"""How the simulated base moves: limits, lag, slip and steering, and that it is the same each time."""
+"""The simulated base's motion: limits, acceleration, lag, delay, slip and steering."""
 
 import dataclasses
 import math

@@ -1,4 +1,4 @@
-"""What an adapter puts on the wire: engaging, stopping and disabling, frame by frame."""
+"""The adapter sends the right frames while engaging, driving, stopping and disabling."""
 
 import math
 
@@ -45,7 +45,7 @@ def test_closing_an_engaged_base_disables_it():
 
 
 class Crowded:
-    """A virtual bus that has no room for frames of some ids, so often."""
+    """A virtual bus whose send queue is full for frames of given ids, a given number of times."""
 
     def __init__(self, monkeypatch):
         self.refusals = {}

@@ -66,22 +66,22 @@ class InProcess(Sitl):
 
 
 class Tap:
-    """Somebody else on a virtual bus, who hears what the adapter and the base say."""
+    """A third node on a virtual bus, which receives the frames of the adapter and the base."""
 
     def __init__(self, profile):
         self.codec = Codec(profile.connection.roles)
         self._bus = can.Bus(interface="virtual", channel=profile.connection.channel)
 
     def frames(self):
-        """Every frame since the last call, the base's own among them."""
+        """Return all frames since the last call, including the base's own."""
         return list(iter(lambda: self._bus.recv(0), None))
 
     def commands(self):
-        """What the adapter has sent since the last call, as (id, data)."""
+        """Return the frames that the adapter has sent since the last call, as (id, data)."""
         return [(m.arbitration_id, bytes(m.data)) for m in self.frames() if self.is_demand(m)]
 
     def commands_until_quiet(self, quiet_s=0.1):
-        """Listen until the adapter has said nothing for a while; return what it said."""
+        """Listen until the adapter has been silent for a while; return what it sent."""
         said, heard_s = [], time.monotonic()
         while time.monotonic() - heard_s < quiet_s:
             if new := self.commands():
@@ -104,7 +104,7 @@ class Tap:
 
 
 STANDBY, COMMAND_MODE, STILL = (0x421, b"\x00"), (0x421, b"\x01"), (0x111, bytes(8))
-"""Of AgileX's protocol v2."""
+"""Frames of AgileX's protocol v2."""
 
 
 class Sleepy(MonotonicClock):
@@ -144,7 +144,7 @@ def until(condition, within_s=5.0):
 
 @contextlib.contextmanager
 def tapped(profile=None, clock=None):
-    """A connected adapter, its base, and somebody who listens."""
+    """Give a connected adapter, its base, and a `Tap` on their bus."""
     profile = profile or base_profile()
     with contextlib.closing(Tap(profile)) as tap, drive(profile, clock) as (platform, simulator):
         yield platform, simulator, tap

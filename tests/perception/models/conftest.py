@@ -1,4 +1,4 @@
-"""What the tests of strong models share."""
+"""Fixtures of the tests of models that users bring as files."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tests.perception.models import graphs
 
 @pytest.fixture
 def refusal():
-    """Give a function that opens a model and returns the one sentence that refuses it."""
+    """Give a function that opens a model that is refused, and returns the one-sentence error."""
 
     def hear(path, *args, **kwargs):
         with pytest.raises(UsageError) as refused:

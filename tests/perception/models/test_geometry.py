@@ -1,4 +1,4 @@
-"""What is laid into a network's input comes back; of two boxes of one class on one thing, one stays."""
+"""Boxes and maps survive the way into a network's input and back; non-maximum suppression keeps the best."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_no_two_boxes_of_one_class_stay_that_overlap_by_more(boxes, iou, data):
     shared = overlap(boxes[kept], boxes[kept])
     same = classes[kept][:, None] == classes[kept][None, :]
     assert not (np.triu(same, 1) & (shared > iou)).any()
-    for gone in set(range(n)) - set(kept.tolist()):  # each that went had a better one of its class on it
+    for gone in set(range(n)) - set(kept.tolist()):  # a better box of its class is kept
         rivals = [at for at in kept if classes[at] == classes[gone] and scores[at] >= scores[gone]]
         assert overlap(boxes[[gone]], boxes[rivals]).max() > iou
 
@@ -69,7 +69,7 @@ def test_a_picture_is_prepared_as_declared():
     made = prepare(picture, fit((2, 4), (4, 4), "letterbox"), how)
     assert made.shape == (1, 3, 4, 4)
     np.testing.assert_allclose(made[0, :, 1, 0], [1, 2, 1], rtol=1e-6)  # (3 - 1) / 2, 2, 1
-    np.testing.assert_allclose(made[0, :, 0, 0], [5.2, 11.4, 11.4], rtol=1e-6)  # the grey above
+    np.testing.assert_allclose(made[0, :, 0, 0], [5.2, 11.4, 11.4], rtol=1e-6)  # the grey padding above
     assert prepare(picture, fit((2, 4), (4, 4), "stretch"), Preparation(layout="nhwc")).shape == (1, 4, 4, 3)
 
 

@@ -1,4 +1,4 @@
-"""What stands between a file and its first box: bytes, weights, device, numbers."""
+"""Opening and running a model file: its bytes, weights, device and numbers are checked before any box."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def test_scores_that_are_none(tmp_path, refusal):
 
 
 def test_rubbish_that_comes_later_is_the_robots_trouble_and_never_a_box(tmp_path):
-    """The logarithm of what is left to nearly white: finite on the first picture, not on a white block."""
+    """The model adds 0 * log(0.97 - brightest pixel): finite on the first picture, NaN on a white block."""
     metadata = {"task": "detect", "names": "{0: 'person'}", "imgsz": "[64, 64]"}
     text = """g (float[1,3,64,64] images) => (float[1,5,1] output0) {
         most = ReduceMax<axes = [1, 2, 3], keepdims = 0>(images)
@@ -129,7 +129,7 @@ def test_a_provider_that_nobody_knows_and_one_that_is_not_here(yolo, refusal):
 
 
 class Fallen(onnxruntime.InferenceSession):
-    """What onnxruntime does where CUDA's libraries are missing: it takes the processor and goes on."""
+    """Imitates onnxruntime without CUDA's libraries: it falls back to the CPU and goes on."""
 
     asked: list
 

@@ -1,4 +1,4 @@
-"""Who becomes the target, by every rule."""
+"""Every rule for choosing the target chooses the right person."""
 
 from __future__ import annotations
 

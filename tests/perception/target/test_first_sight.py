@@ -24,7 +24,7 @@ RATE_HZ = 10.0
 
 
 def people(*found):
-    """Whoever is found: (box, score) each."""
+    """Return the people found, given as (box, score)."""
     return Instances(
         np.array([box for box, _ in found], np.float32).reshape(-1, 4),
         np.array([score for _, score in found], np.float32),

@@ -1,4 +1,4 @@
-"""One person is kept through crowds and out of sight; nobody else ever takes their place in silence."""
+"""The lock keeps one person through crowds and out of sight; nobody else silently takes their place."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ AFTER = {
     LOST: {LOST, REACQUIRED},
     REACQUIRED: {TRACKED, COASTING, LOST},
 }
-"""What may follow what; lost at once where a second goes by between two pictures."""
+"""The allowed changes of state; lost at once where a second passes between two pictures."""
 
 
 def lawful(said):
@@ -145,7 +145,7 @@ def test_who_was_gone_for_longer_may_have_come_nearer(gone_s, last):
 
 
 def test_a_target_that_stood_beside_whom_the_lock_had_taken_for_it_is_taken_back():
-    """It is no stranger because the lock was wrong: the target looks more like itself."""
+    """The lock's mistake does not make the target a stranger: it still looks more like itself."""
     here, elsewhere = np.array([(100, 20, 140, 120)], np.float32), np.array([(200, 20, 240, 120)], np.float32)
     own = _looks([0])
     alone, wrong = (here, own), (here, _mixture(0.4))
@@ -157,12 +157,12 @@ def test_a_target_that_stood_beside_whom_the_lock_had_taken_for_it_is_taken_back
 
 
 def _mixture(share):
-    """A look of which a share is not the target's: their likeness is the root of the rest."""
+    """Return a look of which a share is not the target's: its likeness is the square root of the rest."""
     return np.sqrt((1 - share) * np.square(_looks([0])) + share * np.square(_looks([2])))
 
 
 def _said(first, pictures):
-    """The state and the place that the lock gives for each (boxes, looks), 20 a second."""
+    """Return the lock's (state, index of the target's box) for each (boxes, looks), at 20 Hz."""
     lock = TargetLock()
     lock.choose(0, *first, 0)
     said = []
@@ -174,7 +174,7 @@ def _said(first, pictures):
 
 
 def test_nothing_is_learnt_of_a_target_that_is_half_covered():
-    """Or who looks like target and passer-by together would be taken for the target later."""
+    """Otherwise somebody who looks like a mix of both would later be taken for the target."""
     own, passers = _looks([0]), _looks([2])
     half = np.sqrt((np.square(own) + np.square(passers)) / 2).astype(np.float32)
     here = np.array([(100, 20, 140, 120)], np.float32)
@@ -213,7 +213,7 @@ def test_who_comes_back_too_far_away_to_have_walked_there_is_not_taken_at_once()
     ("now", "stranger"), [(325, 200), (265, 235)], ids=["far away", "half behind the stranger"]
 )
 def test_who_comes_to_where_the_target_must_be_is_not_taken_while_it_stands_elsewhere(now, stranger):
-    """As when pictures are missing, or somebody knocks the camera: it is where nobody could have walked."""
+    """The target jumps further than anybody can walk, as when pictures are missing or the camera is hit."""
     walkers = [
         Walker("red", lambda t_s: 200 if t_s < 2 else now),
         Walker("red with green trousers", steady(stranger), here=lambda t_s: t_s >= 2.5),
@@ -272,12 +272,12 @@ def test_choosing_again_forgets_who_was_the_target():
 
 
 RUNNING_PX_S = 240
-"""2.4 heights a second: who is 1.7 m tall runs at 4 m/s."""
+"""2.4 body heights a second: a person 1.7 m tall runs at 4 m/s."""
 
 
 @st.composite
 def crowds(draw, clothes=None, fastest_px_s=math.inf):
-    """Two to four people who wander, cross, leave and come back; the last is nearest: in sight at first."""
+    """Draw two to four people who wander, cross, leave and return; the last is nearest: in sight at first."""
     names = draw(
         st.permutations(list(CLOTHES)) if clothes is None else st.lists(clothes, min_size=4, max_size=4)
     )
@@ -319,7 +319,7 @@ def test_whoever_is_named_always_wears_the_targets_clothes(walkers, chance):
 def test_where_people_jump_only_who_was_right_behind_the_target_is_named_and_only_while_it_is_not_seen(
     walkers, chance
 ):
-    """Who is uncovered in the picture in which the target jumps out of it looks half like it."""
+    """A person uncovered by a target that jumps out of the picture looks half like it in that picture."""
     said = follow(walkers, 6, target=len(walkers) - 1, order=chance.shuffle)
     for (sight, answer), who in zip(said, followed(said), strict=True):
         if who is not None and walkers[who].clothes != walkers[-1].clothes:
@@ -332,7 +332,7 @@ def test_where_people_jump_only_who_was_right_behind_the_target_is_named_and_onl
 @settings(max_examples=25)
 @given(crowds(), st.integers(0, 999))
 def test_while_a_fifth_of_people_are_missed_the_place_is_still_the_targets(walkers, seed):
-    """Whoever is named for the target that was just missed stands right before or behind them."""
+    """Somebody wrongly named when the target was just missed stands right before or behind it."""
     chance = random.Random(seed)
     pictures = itertools.count()
 
@@ -359,7 +359,7 @@ def test_whatever_people_wear_the_states_are_in_lawful_order_and_the_same_again(
 
 @st.composite
 def any_pictures(draw):
-    """Boxes, looks, motions and times that no camera ever gave."""
+    """Draw random boxes, looks, motions and times, such as no camera ever gave."""
     pictures = []
     for _ in range(draw(st.integers(2, 12))):
         count = draw(st.integers(0 if pictures else 1, 5))

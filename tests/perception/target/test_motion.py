@@ -1,4 +1,4 @@
-"""A camera's own motion is measured within a pixel, people do not count, and what cannot be told is none."""
+"""A camera's motion is measured within a pixel, ignoring people; one that cannot be measured is STILL."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SIZE = (240, 320)
 
 
 def texture(seed=0, size=SIZE, cell=12):
-    """Blotches with edges between them."""
+    """Return a picture of random blotches with edges between them."""
     coarse = np.random.default_rng(seed).integers(0, 256, (size[0] // cell + 1, size[1] // cell + 1, 3))
     fine = cv2.resize(coarse.astype(np.uint8), None, fx=cell, fy=cell, interpolation=cv2.INTER_CUBIC)
     return np.ascontiguousarray(fine[: size[0], : size[1]])
@@ -33,7 +33,7 @@ def about_the_middle(turn_deg=0.0, zoom=1.0, shift=(0.0, 0.0), size=SIZE):
 
 
 def furthest_px(found, true, size=SIZE):
-    """How far the two take a corner of the picture apart from each other."""
+    """Return the greatest error of the found motion at a corner of the picture, per axis, px."""
     corners = np.array([(x, y, 1) for x in (0, size[1]) for y in (0, size[0])])
     return np.abs(corners @ (np.asarray(found) - true).T).max()
 

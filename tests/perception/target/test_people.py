@@ -1,4 +1,4 @@
-"""Where somebody must be in the next picture, and which box is whose."""
+"""Prediction of each person's box in the next picture, and assignment of the detected boxes to people."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ BOX = np.array([100, 50, 140, 150], np.float32)
 
 
 def aside(px, box=BOX):
-    """The box as much further to the right."""
+    """Return the box moved to the right by `px`."""
     return box + np.float32([px, 0, px, 0])
 
 
@@ -27,7 +27,7 @@ def look(kind=0):
 
 
 def walked(speed_px_s, pictures, dt_s=0.05, motion=STILL):
-    """Somebody seen in each picture, their box carried along by both."""
+    """Return a person seen in each picture, whose box moves with their own speed and the camera's motion."""
     person, box = Person.new(BOX, look()), BOX.astype(float)
     for _ in range(pictures):
         step = np.array([speed_px_s * dt_s, 0] * 2) + np.tile(motion[:, 2], 2)
@@ -94,7 +94,7 @@ def test_two_pictures_of_one_moment_do_no_harm():
 
 
 def shares(people, kinds):
-    """How alike each person is to each box's look."""
+    """Return the likeness of each person to each box's look, shape (people, boxes)."""
     rows = [person.alike(np.array([look(kind) for kind in kinds])) for person in people]
     return np.array(rows).reshape(len(people), len(kinds))
 
@@ -118,7 +118,7 @@ def test_a_look_decides_between_two_who_stand_in_one_place():
 
 @pytest.mark.parametrize(("likeness_here", "place"), [(0.5, 1), (0.7, 0)])
 def test_likeness_counts_twice_as_much_as_place(likeness_here, place):
-    """The first box is where they must be, the other overlaps by a quarter and is all like them."""
+    """The first box is where they must be; the other overlaps it little and looks exactly like them."""
     someone = Person.new(BOX, look())
     boxes = np.array([BOX, aside(33)], float)
     assert assigned([someone], boxes, np.array([[likeness_here, 1.0]]), [0.4]) == {0: place}

@@ -1,7 +1,7 @@
 """A little world for the lock: people in coloured clothes walk past each other before a camera that may pan.
 
-Everybody is painted, the farthest first, and described by the toolkit's own `appearances`: so whoever is half
-hidden looks half like whoever hides them. Whoever is mostly hidden, or out of the picture, is not found.
+Everybody is painted, the farthest first, and described by the toolkit's own `appearances`: so somebody half
+hidden looks half like the person in front. Somebody mostly hidden, or out of the picture, is not detected.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ TALL, WIDE = 100, 40
 GROUND = 90
 """Brightness of the wall behind everybody."""
 LEAST_SEEN = 0.5
-"""Share of a person that is in sight, from which they are found."""
+"""Least visible share of a person at which they are detected."""
 
 CLOTHES = {
     "red": ((200, 30, 30), (180, 60, 60), (40, 40, 90)),
@@ -29,32 +29,32 @@ CLOTHES = {
     "yellow": ((220, 210, 40), (190, 180, 60), (90, 30, 30)),
     "white": ((240, 240, 240), (200, 230, 240), (30, 120, 130)),
 }
-"""Chest, waist and legs."""
+"""Colours of chest, waist and legs."""
 SIMILAR = {
     "red with green trousers": (*CLOTHES["red"][:2], CLOTHES["green"][2]),
     "red under a blue coat": (*CLOTHES["blue"][:2], CLOTHES["red"][2]),
 }
-"""What is not to be taken for red."""
+"""Clothes that must not be taken for red."""
 
 
 @dataclass(frozen=True)
 class Walker:
-    """Somebody; of two in one place the one who comes later in the world's list is nearer."""
+    """A person; of two in one place the one later in the world's list is nearer."""
 
     clothes: str
     x: Callable[[float], float]
-    """Where their middle is at a time, s -> px of the world."""
+    """Their middle at a time, s -> px of the world."""
     here: Callable[[float], bool] = lambda t_s: True
     tall: int = TALL
 
 
 @dataclass
 class Sight:
-    """What a detector finds in one picture."""
+    """The detections in one picture."""
 
     t_ns: int
     who: list[int]
-    """Which walker each box is."""
+    """The number of each box's walker."""
     boxes: np.ndarray
     looks: np.ndarray
     motion: np.ndarray
@@ -78,7 +78,7 @@ def along(times, places):
 
 
 def sights(walkers, seconds, pan=lambda t_s: 0.0, order=None):
-    """Give what is found in each picture, in an order of `order`'s choosing; by default the world's."""
+    """Yield the detections of each picture, in the world's order; `order` may reorder or drop them."""
     before = pan(0.0)
     for number in range(round(seconds * RATE_HZ) + 1):
         t_s = number / RATE_HZ
@@ -115,7 +115,7 @@ def _sight(walkers, t_s, pan, motion, order):
 
 
 def follow(walkers, seconds, target=0, **how):
-    """Choose the target in the first picture, and return (sight, what the lock says of it) of each."""
+    """Choose the target in the first picture; return (sight, the lock's answer) for each picture."""
     lock = TargetLock()
     said = []
     for sight in sights(walkers, seconds, **how):
@@ -128,7 +128,7 @@ def follow(walkers, seconds, target=0, **how):
 
 
 def followed(said):
-    """Which walker was the target in each picture; None while nobody was."""
+    """Return the number of the walker taken for the target in each picture; None while nobody was."""
     return [None if answer.place is None else sight.who[answer.place] for sight, answer in said]
 
 

@@ -1,4 +1,4 @@
-"""What the robot says of itself stops it for good: takeover, silence, an empty battery, a fence, a height."""
+"""The robot's state can stop it for good: takeover, silence, empty battery, geofence, altitude."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SQUARE = ((-1.0, -1.0), (3.0, -1.0), (3.0, 2.0), (-1.0, 2.0))
 
 
 def stopped(gate: Gate, **robot) -> Stop | None:
-    """Drive a robot that is well, then once one that is not; return what latched."""
+    """Drive a healthy robot, then take one step with the given state; return the stop that latched."""
     assert gate.cruise(GO).twist == GO
     verdict = gate.ask(GO, **robot)
     assert (verdict.twist == ZERO) is (gate.state.stop is not None)

@@ -1,4 +1,4 @@
-"""Whatever comes in, what goes out is finite, inside the envelope and smooth, and a stop is for good."""
+"""For any input the gate's output is finite, inside the envelope and smooth, and a stop is for good."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def robots(number, ages_ns):
 
 
 def steps(number, *, pauses_s, ages_s):
-    """What happens at one step: a pause, a command and its age, the target's share, the robot."""
+    """Generate the inputs of one step: a pause, a command and its age, the target's share, the robot."""
     shares = st.none() | st.just(0.1) | number
     ages_ns = st.integers(-(10**9), 2 * 10**9)
     return st.tuples(pauses_s, st.none() | twists(number), ages_s, shares, robots(number, ages_ns))

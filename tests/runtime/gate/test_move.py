@@ -1,4 +1,4 @@
-"""What changes a command is named: the envelope, the ramp, the target's nearness, the altitude band."""
+"""The gate names its reason for every change to a command: envelope, ramp, close target, altitude band."""
 
 from __future__ import annotations
 

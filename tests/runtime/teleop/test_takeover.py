@@ -24,7 +24,7 @@ def drives(state, t_s=9.0):
 
 
 def moves(state, t_s=9.0):
-    """Whether the hand asks for anything but zero."""
+    """Return whether the hand asks for anything but zero."""
     asked = wish(state, round(t_s * S))
     assert asked.values == () or asked.held_until_ns is None or asked.held_until_ns > t_s * S
     return asked.values != ()
@@ -94,7 +94,7 @@ EVENTS = st.lists(st.tuples(st.integers(0, 10 * S), st.sampled_from(CODES), st.f
 
 @given(EVENTS, st.booleans(), st.integers(0, 12 * S))
 def test_nothing_moves_unless_the_button_was_pressed_or_a_key_repeated_since_its_release(events, alone, t_ns):
-    """Independently of the machine: look back for what last held the button."""
+    """Check it without the state machine: look back in the events for what last held the button."""
     history = [InputEvent(at, code, abs(x) if code not in AXES else x) for at, code, x in sorted(events)]
     asked = wish(reduce(after, history, begun(HandState(alone=alone))), t_ns)
     if asked.values:

@@ -1,4 +1,4 @@
-"""What a camera does to a picture, and to the truth mask of the same picture."""
+"""The lens's effects on a picture, and on the truth mask of the same picture."""
 
 import math
 
@@ -31,7 +31,7 @@ def test_what_is_encoded_is_decoded_in_the_same_colours():
 
 
 def test_the_middle_stays_where_it_is_and_the_edge_comes_in():
-    """The picture is drawn wider, so the middle shrinks by as much; a barrel draws the edge in by more."""
+    """The picture is rendered wider, so its middle shrinks; barrel distortion pulls the edge in further."""
     image = disc(480, 640, (319.5, 239.5), 20)
     bent = bend(image, BARREL, FOV)
     rows, columns = np.nonzero(bent > 127)
@@ -41,7 +41,7 @@ def test_the_middle_stays_where_it_is_and_the_edge_comes_in():
 
 @pytest.mark.parametrize("distortion", [-0.09, -0.04, 0.1])
 def test_no_corner_is_empty(distortion):
-    """All that the bent picture shows was drawn."""
+    """The distorted picture shows only what was rendered."""
     lens = Lens(distortion=distortion)
     ramp = np.tile(np.linspace(50, 250, 640).astype(np.uint8), (480, 1))
     bent = bend(ramp, lens, FOV)

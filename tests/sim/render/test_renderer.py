@@ -109,7 +109,7 @@ def test_two_worlds_in_one_process_do_not_show_in_each_other():
 
 
 def test_a_cast_plays_the_parts_and_the_target_is_the_first():
-    """Whoever is named plays the target, in every seed."""
+    """The first person of the cast plays the target, with any seed."""
     tall, short = shipped_people()[0], shipped_people()[5]
     heights = []
     for cast in ((tall,), (short,)):

@@ -1,4 +1,4 @@
-"""What the wheeled adapter relies on in python-can's ``socketcan`` interface, on a real ``vcan0``.
+"""Behaviour of python-can's ``socketcan`` interface that the wheeled adapter relies on, on a real ``vcan0``.
 
 Run by ``test_socketcan.py``; by itself only where there is a ``vcan0`` that this process may take down.
 """

@@ -1,4 +1,4 @@
-"""Which place with a real SocketCAN bus this machine has."""
+"""Chooses this machine's place with a real SocketCAN bus: its own kernel or user-mode Linux."""
 
 from __future__ import annotations
 

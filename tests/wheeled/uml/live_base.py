@@ -32,9 +32,9 @@ class LiveBase:
         self.base = Base(profile.connection.roles, profile.sitl)
         self.body = WheeledBody(profile.sitl, profile.connection.roles)
         self.frames = 0
-        """How many have come."""
+        """Number of frames received."""
         self.heard_ns = 0
-        """When the newest came, by `CLOCK`, to a step."""
+        """Time of the newest, by `CLOCK`, exact to one step."""
         self._channel = channel
         self._bus: can.BusABC | None = None
         self._stepped = threading.Condition()
@@ -44,7 +44,7 @@ class LiveBase:
 
     @property
     def speed_m_s(self) -> float:
-        """How fast the body really moves ahead."""
+        """True forward speed of the body, m/s."""
         return self.body.velocity.vx
 
     def wait_until(self, condition: Callable[[], bool], limit_s: float) -> int:

@@ -1,4 +1,4 @@
-"""Where the tests of SocketCAN run: in this kernel's namespaces, else in user-mode Linux, else not at all."""
+"""SocketCAN's tests run in namespaces of this kernel, else in user-mode Linux, else not at all."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ pytestmark = pytest.mark.skipif(
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
-    """Where the kernels of a test live, each in a folder of its own; empty again after it."""
+    """Give the folder that holds each kernel's own folder; check that it is empty after the test."""
     folder = tmp_path / "kernels"
     folder.mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(folder))
