@@ -3,14 +3,9 @@
 from __future__ import annotations
 
 import itertools
-import math
-import random
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from hypothesis.extra import numpy as arrays
 
 from adatracker_deploy.core.messages import TargetState
 from adatracker_deploy.perception.target.lock import COAST_S, TargetLock
@@ -19,16 +14,15 @@ from tests.perception.target.walkers import (
     CLOTHES,
     RATE_HZ,
     SIMILAR,
-    WIDE,
     Walker,
     along,
     follow,
     followed,
+    looking,
     moving,
     states,
     steady,
 )
-from tests.tiers import examples
 
 TRACKED, COASTING, REACQUIRED, LOST = (
     TargetState.TRACKED,
@@ -36,23 +30,6 @@ TRACKED, COASTING, REACQUIRED, LOST = (
     TargetState.REACQUIRED,
     TargetState.LOST,
 )
-AFTER = {
-    TRACKED: {TRACKED, COASTING, LOST},
-    COASTING: {TRACKED, COASTING, LOST},
-    LOST: {LOST, REACQUIRED},
-    REACQUIRED: {TRACKED, COASTING, LOST},
-}
-"""The allowed changes of state; lost at once where a second passes between two pictures."""
-
-
-def lawful(said):
-    for before, after in itertools.pairwise(states(said)):
-        assert after in AFTER[before]
-    for sight, answer in said:
-        assert (answer.place is None) == (answer.state in (COASTING, LOST))
-        assert answer.place is None or 0 <= answer.place < len(sight.boxes)
-        assert 0 <= answer.likeness <= 1
-        assert answer.place is not None or answer.likeness == 0
 
 
 def test_who_walks_alone_is_tracked_in_every_picture():
@@ -147,7 +124,7 @@ def test_who_was_gone_for_longer_may_have_come_nearer(gone_s, last):
 def test_a_target_that_stood_beside_whom_the_lock_had_taken_for_it_is_taken_back():
     """The lock's mistake does not make the target a stranger: it still looks more like itself."""
     here, elsewhere = np.array([(100, 20, 140, 120)], np.float32), np.array([(200, 20, 240, 120)], np.float32)
-    own = _looks([0])
+    own = looking([0])
     alone, wrong = (here, own), (here, _mixture(0.4))
     both = np.vstack((here, elsewhere)), np.concatenate((_mixture(0.4), own))
     pictures = [wrong, *[both] * 15, *[(elsewhere, own)] * 40]
@@ -158,7 +135,7 @@ def test_a_target_that_stood_beside_whom_the_lock_had_taken_for_it_is_taken_back
 
 def _mixture(share):
     """Return a look of which a share is not the target's: its likeness is the square root of the rest."""
-    return np.sqrt((1 - share) * np.square(_looks([0])) + share * np.square(_looks([2])))
+    return np.sqrt((1 - share) * np.square(looking([0])) + share * np.square(looking([2])))
 
 
 def _said(first, pictures):
@@ -175,20 +152,14 @@ def _said(first, pictures):
 
 def test_nothing_is_learnt_of_a_target_that_is_half_covered():
     """Otherwise somebody who looks like a mix of both would later be taken for the target."""
-    own, passers = _looks([0]), _looks([2])
-    half = np.sqrt((np.square(own) + np.square(passers)) / 2).astype(np.float32)
+    own, passers, half = looking([0]), looking([2]), _mixture(0.5)
     here = np.array([(100, 20, 140, 120)], np.float32)
     both = np.vstack((here, here + np.float32([20, 0, 20, 0])))
     alone, together = (here, own), (both, np.concatenate((half, passers)))
     nobody = here[:0], own[:0]
-    lock, states_ = TargetLock(), []
-    lock.choose(0, *alone, 0)
-    pictures = [alone] * 60 + [together] * 100 + [nobody] * 30 + [(here, half)] * 20
-    for number, (boxes, looks) in enumerate(pictures, start=1):
-        scores = np.full(len(boxes), 0.9, np.float32)
-        states_.append(lock.update(boxes, scores, looks, STILL, number * 50_000_000).state)
-    assert set(states_[:160]) == {TRACKED}
-    assert set(states_[-30:]) == {LOST}
+    said = _said(alone, [alone] * 60 + [together] * 100 + [nobody] * 30 + [(here, half)] * 20)
+    assert {state for state, _ in said[:160]} == {TRACKED}
+    assert {state for state, _ in said[-30:]} == {LOST}
 
 
 def test_of_two_who_come_and_look_the_same_neither_is_taken():
@@ -269,141 +240,3 @@ def test_choosing_again_forgets_who_was_the_target():
     lock.choose(0, sight.boxes, sight.looks, 0)
     lock.choose(1, sight.boxes, sight.looks, 0)
     assert lock.update(sight.boxes, sight.scores, *looks, 50_000_000).place == 1
-
-
-RUNNING_PX_S = 240
-"""2.4 body heights a second: a person 1.7 m tall runs at 4 m/s."""
-
-
-@st.composite
-def crowds(draw, clothes=None, fastest_px_s=math.inf):
-    """Draw two to four people who wander, cross, leave and return; the last is nearest: in sight at first."""
-    names = draw(
-        st.permutations(list(CLOTHES)) if clothes is None else st.lists(clothes, min_size=4, max_size=4)
-    )
-    walkers = []
-    for name in names[: draw(st.integers(2, 4))]:
-        times = [0.0, *sorted(draw(st.lists(st.floats(0.1, 6), min_size=1, max_size=4, unique=True)))]
-        places = [draw(st.integers(30, 450))]
-        for before_s, then_s in itertools.pairwise(times):
-            reach = fastest_px_s * (then_s - before_s)
-            wanted = draw(st.integers(-40, 520))
-            places.append(min(max(wanted, places[-1] - reach), places[-1] + reach))
-        gone_s = draw(st.floats(0.2, 6))
-        back_s = gone_s + draw(st.floats(0, 5))
-        walkers.append(
-            Walker(
-                name,
-                along(times, places),
-                here=lambda t_s, gone=gone_s, back=back_s: not gone <= t_s < back,
-                tall=draw(st.integers(80, 120)),
-            )
-        )
-    return walkers
-
-
-def true_middle(walker, sight, said):
-    return walker.x((sight.t_ns - said[0][0].t_ns) / 1e9)
-
-
-@settings(max_examples=examples(15, of=60))
-@given(crowds(fastest_px_s=RUNNING_PX_S), st.randoms(use_true_random=False))
-def test_whoever_is_named_always_wears_the_targets_clothes(walkers, chance):
-    said = follow(walkers, 6, target=len(walkers) - 1, order=chance.shuffle)
-    assert {walkers[who].clothes for who in followed(said) if who is not None} <= {walkers[-1].clothes}
-    lawful(said)
-
-
-@settings(max_examples=examples(15, of=60))
-@given(crowds(), st.randoms(use_true_random=False))
-def test_where_people_jump_only_who_was_right_behind_the_target_is_named_and_only_while_it_is_not_seen(
-    walkers, chance
-):
-    """A person uncovered by a target that jumps out of the picture looks half like it in that picture."""
-    said = follow(walkers, 6, target=len(walkers) - 1, order=chance.shuffle)
-    for (sight, answer), who in zip(said, followed(said), strict=True):
-        if who is not None and walkers[who].clothes != walkers[-1].clothes:
-            assert len(walkers) - 1 not in sight.who
-            left, _, right, _ = sight.boxes[answer.place]
-            assert abs((left + right) / 2 - true_middle(walkers[-1], sight, said)) <= WIDE
-    lawful(said)
-
-
-@settings(max_examples=25)
-@given(crowds(), st.integers(0, 999))
-def test_while_a_fifth_of_people_are_missed_the_place_is_still_the_targets(walkers, seed):
-    """Somebody wrongly named when the target was just missed stands right before or behind it."""
-    chance = random.Random(seed)
-    pictures = itertools.count()
-
-    def missed(who):
-        if next(pictures):
-            who[:] = [each for each in who if chance.random() > 0.2]
-
-    said = follow(walkers, 6, target=len(walkers) - 1, order=missed)
-    for (sight, answer), who in zip(said, followed(said), strict=True):
-        if who is not None:
-            left, _, right, _ = sight.boxes[answer.place]
-            apart = abs((left + right) / 2 - true_middle(walkers[-1], sight, said))
-            assert who == len(walkers) - 1 or apart <= WIDE
-    lawful(said)
-
-
-@settings(max_examples=25)
-@given(crowds(clothes=st.sampled_from(["red", "green"])))
-def test_whatever_people_wear_the_states_are_in_lawful_order_and_the_same_again(walkers):
-    said, again = (follow(walkers, 6, target=len(walkers) - 1) for _ in range(2))
-    lawful(said)
-    assert [answer for _, answer in said] == [answer for _, answer in again]
-
-
-@st.composite
-def any_pictures(draw):
-    """Draw random boxes, looks, motions and times, such as no camera ever gave."""
-    pictures = []
-    for _ in range(draw(st.integers(2, 12))):
-        count = draw(st.integers(0 if pictures else 1, 5))
-        corner = draw(arrays.arrays(np.float32, (count, 2), elements=st.floats(0, 600, width=32)))
-        side = draw(arrays.arrays(np.float32, (count, 2), elements=st.floats(1, 400, width=32)))
-        pictures.append(
-            (
-                np.hstack((corner, corner + side)),
-                draw(arrays.arrays(np.float32, count, elements=st.floats(0, 1, width=32))),
-                _looks(draw(st.lists(st.integers(0, 3), min_size=count, max_size=count))),
-                _motion(draw(st.floats(-0.5, 0.5)), draw(st.floats(0.8, 1.25)), draw(st.floats(-99, 99))),
-                draw(st.sampled_from([0, 1, 50_000_000, 400_000_000, 5_000_000_000])),
-            )
-        )
-    return pictures
-
-
-def _looks(kinds):
-    looks = np.zeros((len(kinds), 3, 128), np.float32)
-    for look, kind in zip(looks, kinds, strict=True):
-        look[:, kind : kind + 2] = np.sqrt(0.5)
-    return looks
-
-
-def _motion(turn, zoom, shift):
-    c, s = zoom * np.cos(turn), zoom * np.sin(turn)
-    return np.array([[c, -s, shift], [s, c, -shift]])
-
-
-@given(any_pictures())
-def test_whatever_a_detector_finds_the_lock_answers_by_the_rules(pictures):
-    class Sight:
-        def __init__(self, boxes):
-            self.boxes = boxes
-
-    def run():
-        lock = TargetLock()
-        boxes, _, looks, _, t_ns = pictures[0]
-        said = [(Sight(boxes), lock.choose(len(boxes) - 1, boxes, looks, t_ns))]
-        for boxes, scores, looks, motion, dt_ns in pictures[1:]:
-            t_ns += dt_ns
-            said.append((Sight(boxes), lock.update(boxes, scores, looks, motion, t_ns)))
-        return said
-
-    said = run()
-    lawful(said)
-    assert [answer for _, answer in said] == [answer for _, answer in run()]

@@ -77,6 +77,14 @@ def along(times, places):
     return lambda t_s: float(np.interp(t_s, times, places))
 
 
+def looking(kinds):
+    """Return made-up looks, shape (kinds, 3, 128); those that are two kinds apart have nothing in common."""
+    looks = np.zeros((len(kinds), 3, 128), np.float32)
+    for look, kind in zip(looks, kinds, strict=True):
+        look[:, kind : kind + 2] = np.sqrt(0.5)
+    return looks
+
+
 def sights(walkers, seconds, pan=lambda t_s: 0.0, order=None):
     """Yield the detections of each picture, in the world's order; `order` may reorder or drop them."""
     before = pan(0.0)
