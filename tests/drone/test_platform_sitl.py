@@ -18,6 +18,7 @@ from adatracker_deploy.platform import Scenario
 from adatracker_deploy.registry import load_profile
 from adatracker_deploy.testing.conformance import PlatformConformance
 from adatracker_drone.platform import DronePlatform
+from tests.driving import send_for
 
 pytestmark = pytest.mark.slow
 
@@ -134,14 +135,6 @@ def flight(profile, speed=1.0):
         platform.connect()
         assert all(check.ok for check in platform.preflight() if check.blocking)
         yield platform
-
-
-def send_for(platform, command, seconds):
-    """Send at 50 Hz, as the link does."""
-    start_ns = platform.clock.now_ns()
-    for tick in range(round(seconds * 50)):
-        platform.clock.sleep_until(start_ns + tick * 20_000_000)
-        platform.send(command, platform.clock.now_ns())
 
 
 def until(platform, condition, within_s):

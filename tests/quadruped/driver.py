@@ -8,7 +8,8 @@ import sys
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.messages import Twist
 from adatracker_quadruped.platform import QuadrupedPlatform
-from tests.quadruped.rehearsal import rehearsed, send_for, speed
+from tests.driving import send_for
+from tests.quadruped.rehearsal import rehearsed, speed
 
 
 def main(endpoint, ending):

@@ -14,9 +14,6 @@ from adatracker_quadruped.protocol.session import open_session
 from tests.by_hand import simulator_by_hand
 from tests.quadruped.routers import publisher_of, until
 
-PERIOD_NS = 20_000_000
-"""The link sends at 50 Hz."""
-
 
 def rehearsed(**connection):
     """The shipped profile with some of its connection changed."""
@@ -38,15 +35,6 @@ def connected(profile):
         platform.connect()
         assert [check for check in platform.preflight() if check.blocking and not check.ok] == []
         yield platform
-
-
-def send_for(platform, command, seconds):
-    """Send at 50 Hz, as the link does."""
-    clock = platform.clock
-    start_ns = clock.now_ns()
-    for tick in range(round(seconds * 1e9 / PERIOD_NS)):
-        clock.sleep_until(start_ns + tick * PERIOD_NS)
-        platform.send(command, clock.now_ns())
 
 
 def goes_wrong(profile, fault):

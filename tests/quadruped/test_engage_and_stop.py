@@ -16,7 +16,8 @@ from adatracker_deploy.registry import load_profile
 from adatracker_quadruped.adapter.lease import Lease
 from adatracker_quadruped.platform import QuadrupedPlatform
 from adatracker_quadruped.protocol.messages import Odometry, encode_odometry, in_body, in_odom
-from tests.quadruped.rehearsal import connected, send_for, simulator, speed
+from tests.driving import Engaging, Sleepy, send_for
+from tests.quadruped.rehearsal import connected, simulator, speed
 from tests.quadruped.routers import until
 
 WALK = Twist(vx=0.8)
@@ -38,8 +39,7 @@ def profile():
 @pytest.mark.parametrize("moment", ["before its turn", "while it claims", "before its last word"])
 def test_a_stop_at_any_moment_of_an_engagement_is_the_last_word(profile, stop, moment, monkeypatch):
     with connected(profile) as platform:
-        reached, errors = threading.Event(), []
-        take = Lease.take
+        reached, take = threading.Event(), Lease.take
 
         def taking(lease, given_up):
             if moment == "while it claims":
@@ -50,13 +50,8 @@ def test_a_stop_at_any_moment_of_an_engagement_is_the_last_word(profile, stop, m
                 return True
             return take(lease, given_up)
 
-        def engage():
-            with pytest.raises(PlatformError) as refused:
-                platform.engage()
-            errors.append(str(refused.value))
-
         monkeypatch.setattr(Lease, "take", taking)
-        engaging = threading.Thread(target=engage)
+        engaging = Engaging(platform)
         stopping = threading.Thread(target=STOPS[stop], args=(platform,))
         if moment == "before its turn":
             with platform._opening:
@@ -70,19 +65,10 @@ def test_a_stop_at_any_moment_of_an_engagement_is_the_last_word(profile, stop, m
         for thread in (engaging, stopping):
             thread.join()
         monkeypatch.undo()
-        assert len(errors) == 1
+        assert engaging.why
         assert not platform.state().engaged
         with pytest.raises(PlatformError):
             platform.send(WALK, platform.clock.now_ns())
-
-
-class Sleepy(MonotonicClock):
-    """A clock of a machine that can be suspended; it stands still meanwhile."""
-
-    asleep_ns = 0
-
-    def suspended_ns(self):
-        return type(self).asleep_ns
 
 
 @pytest.mark.slow

@@ -8,7 +8,6 @@ import zenoh
 
 from adatracker_deploy.config.camera_topic import with_camera
 from adatracker_deploy.core.clock import MonotonicClock
-from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.geometry import Pose
 from adatracker_deploy.core.messages import ZERO
 from adatracker_deploy.perception.compressed_image import CompressedImage
@@ -26,6 +25,7 @@ from adatracker_quadruped.protocol.messages import (
 from adatracker_quadruped.protocol.rehearsal_keys import SitlKeys
 from adatracker_quadruped.protocol.session import open_session
 from adatracker_quadruped.sim.fuzz import payloads
+from tests.driving import engages
 from tests.quadruped.rehearsal import connected, memory_kb, moved, simulator
 from tests.quadruped.routers import until
 
@@ -72,14 +72,6 @@ def test_the_robot_does_not_move_for_hostile_commands(inbound):
         assert moved(platform, start, 0.5) < 1e-6
         platform.engage()
         platform.send(ZERO, platform.clock.now_ns())
-
-
-def engages(platform):
-    try:
-        platform.engage()
-    except PlatformError:
-        return False
-    return True
 
 
 @pytest.mark.parametrize("inbound", ["odometry", "imu", "battery"])

@@ -17,8 +17,9 @@ from adatracker_quadruped.robot.walker import STOPS, Walker
 pytest.importorskip("cyclonedds", reason="the extra go2 is not installed")
 
 from adatracker_quadruped.robot import node as node_module
+from tests.driving import send_for
 from tests.quadruped.bare_go2 import CHARGE, PLACE, WALK, BareGo2, node
-from tests.quadruped.rehearsal import connected, rehearsed, send_for
+from tests.quadruped.rehearsal import connected, rehearsed
 from tests.quadruped.routers import free_port, publisher_of, until
 
 AHEAD = Twist(vx=0.4, yaw_rate=0.2)

@@ -15,7 +15,8 @@ from adatracker_quadruped.platform import QuadrupedPlatform
 from adatracker_quadruped.protocol.connection import Connection
 from adatracker_quadruped.protocol.keys import Keys
 from adatracker_quadruped.protocol.session import open_session
-from tests.quadruped.rehearsal import connected, send_for, simulator
+from tests.driving import engages, send_for
+from tests.quadruped.rehearsal import connected, simulator
 from tests.quadruped.routers import free_port, robot, until
 from tests.race import owners, race
 
@@ -137,12 +138,6 @@ def test_a_second_owner_that_appears_while_walking_latches_and_an_engage_is_refu
         heard.undeclare()
         token.undeclare()
         until(lambda: engages(platform))
-
-
-def engages(platform):
-    with contextlib.suppress(PlatformError):
-        platform.engage()
-    return platform.state().engaged
 
 
 @pytest.mark.slow

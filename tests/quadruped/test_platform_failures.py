@@ -21,17 +21,9 @@ from adatracker_quadruped.protocol.keys import Keys
 from adatracker_quadruped.protocol.messages import Odometry, encode_odometry
 from adatracker_quadruped.protocol.publisher import Publisher
 from adatracker_quadruped.protocol.rehearsal_keys import Fault
+from tests.driving import engages, send_for
 from tests.other_machine import OfAnotherMachine
-from tests.quadruped.rehearsal import (
-    by_hand,
-    connected,
-    goes_wrong,
-    moved,
-    rehearsed,
-    send_for,
-    simulator,
-    speed,
-)
+from tests.quadruped.rehearsal import by_hand, connected, goes_wrong, moved, rehearsed, simulator, speed
 from tests.quadruped.routers import free_port, robot, until
 
 pytestmark = pytest.mark.slow
@@ -64,15 +56,7 @@ def stays_stopped(platform, why):
 
 def walks_again(platform):
     """Check that an explicit engage is obeyed once the robot is heard again."""
-
-    def engaged():
-        try:
-            platform.engage()
-        except PlatformError:
-            return False
-        return True
-
-    until(engaged, 8.0)
+    until(lambda: engages(platform), 8.0)
     send_for(platform, WALK, 1.0)
     assert speed(platform) > 0.5
     platform.hold("enough")

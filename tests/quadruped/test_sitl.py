@@ -17,7 +17,8 @@ from adatracker_quadruped.protocol.cdr import SMALL_CAP_BYTES
 from adatracker_quadruped.protocol.keys import Keys
 from adatracker_quadruped.protocol.messages import decode_imu, decode_odometry
 from adatracker_quadruped.protocol.session import open_session
-from tests.quadruped.rehearsal import by_hand, connected, rehearsed, send_for, simulator, speed
+from tests.driving import send_for
+from tests.quadruped.rehearsal import by_hand, connected, rehearsed, simulator, speed
 from tests.quadruped.routers import free_port, until
 
 pytestmark = pytest.mark.slow

@@ -13,8 +13,9 @@ from adatracker_quadruped.protocol import unitree
 from adatracker_quadruped.protocol.keys import Keys
 from adatracker_quadruped.protocol.messages import Malformed, Odometry
 from adatracker_quadruped.protocol.rehearsal_keys import Fault
+from tests.driving import send_for
 from tests.quadruped import cdr
-from tests.quadruped.rehearsal import connected, goes_wrong, rehearsed, send_for, simulator
+from tests.quadruped.rehearsal import connected, goes_wrong, rehearsed, simulator
 from tests.quadruped.routers import until
 
 STATE, LOW = cdr.LAYOUTS["SportModeState"], cdr.LAYOUTS["LowState"]

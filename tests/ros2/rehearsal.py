@@ -12,9 +12,8 @@ from adatracker_ros2.protocol.connection import Qos
 from adatracker_ros2.protocol.messages import TYPES
 from adatracker_ros2.protocol.participant import Participant
 from adatracker_ros2.protocol.qos import ros_qos
+from tests.driving import PERIOD_NS
 
-PERIOD_NS = 20_000_000
-"""The link sends at 50 Hz."""
 PATIENCE_S = 20.0
 
 

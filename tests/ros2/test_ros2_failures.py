@@ -7,12 +7,12 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed: pip install 'adatracker-deploy[ros2]'")
 
-from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.messages import Twist
 from adatracker_ros2.platform import Ros2Platform
 from adatracker_ros2.protocol.messages import Odometry, write_battery, write_odometry
 from adatracker_ros2.protocol.topics import BATTERY_STATE, ODOMETRY, TWIST, Topics
+from tests.driving import Sleepy, engages
 from tests.ros2.rehearsal import (
     adapter,
     changed,
@@ -51,14 +51,6 @@ def stays_stopped_until_engaged(platform, why):
         platform.send(CRUISE, platform.clock.now_ns())
     until(lambda: engages(platform))
     send_while(platform, CRUISE, lambda: platform.state().velocity.vx < 0.3)
-
-
-def engages(platform):
-    try:
-        platform.engage()
-    except PlatformError:
-        return False
-    return True
 
 
 @pytest.mark.parametrize("fault", ["frozen_odometry", "robot_silent"])
@@ -110,15 +102,6 @@ def test_a_charge_that_is_told_no_more_or_as_unknown_is_not_kept(simulated):
         for charge, told in ((0.5, 0.5), (math.nan, None), (0.4, pytest.approx(0.4)), (80.0, None)):
             bms.publish(write_battery(charge))  # the last of them cannot be, and is none
             until(lambda told=told: platform.state().battery == told)
-
-
-class Sleepy(MonotonicClock):
-    """A clock of a machine that can be suspended; it stands still meanwhile."""
-
-    asleep_ns = 0
-
-    def suspended_ns(self):
-        return type(self).asleep_ns
 
 
 def test_after_a_suspend_no_moving_command_leaves_and_a_stop_has_latched(simulated, monkeypatch):

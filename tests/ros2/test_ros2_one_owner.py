@@ -14,15 +14,7 @@ from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.messages import Twist
 from adatracker_ros2.protocol.topics import TWIST, Topics
 from tests.race import owners, race
-from tests.ros2.rehearsal import (
-    adapter,
-    listener,
-    publisher,
-    rehearsed,
-    send_while,
-    simulator,
-    until,
-)
+from tests.ros2.rehearsal import adapter, listener, publisher, rehearsed, send_while, simulator, until
 
 CRUISE = Twist(vx=0.5)
 

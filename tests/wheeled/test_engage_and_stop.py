@@ -3,10 +3,11 @@
 import threading
 
 import pytest
-from wheeled_rig import COMMAND_MODE, STILL, Sleepy, base_profile, send_for, tapped, until
+from wheeled_rig import COMMAND_MODE, STILL, base_profile, tapped, until
 
 from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.messages import ZERO, Twist
+from tests.driving import Engaging, Sleepy, send_for
 
 AHEAD = Twist(vx=0.5)
 STOPS = {
@@ -52,15 +53,8 @@ def test_a_stop_at_any_moment_of_an_engagement_is_the_last_word(stop, delay_ms, 
 @pytest.mark.parametrize("stop", STOPS)
 def test_a_stop_that_comes_before_the_engagement_had_its_turn_is_newer_than_it(stop):
     with tapped() as (platform, simulator, tap):
-        errors = []
-
-        def engage():
-            with pytest.raises(PlatformError) as refused:
-                platform.engage()
-            errors.append(str(refused.value))
-
+        engaging = Engaging(platform)
         with platform._turn:  # whoever checks or connects has it
-            engaging = threading.Thread(target=engage)
             engaging.start()
             until(engaging.is_alive)
             stopping = threading.Thread(target=STOPS[stop], args=(platform,))
@@ -68,7 +62,7 @@ def test_a_stop_that_comes_before_the_engagement_had_its_turn_is_newer_than_it(s
             until(lambda: platform._authority.withdrawals)
         for thread in (engaging, stopping):
             thread.join()
-        assert len(errors) == 1
+        assert engaging.why
         assert not platform.state().engaged
         assert simulator.simulator.base.mode == "standby"
         assert COMMAND_MODE not in tap.commands()
@@ -115,19 +109,12 @@ def test_a_command_made_before_a_suspend_is_refused_after_it(clock):
 
 def test_a_suspend_while_engaging_ends_it(clock):
     with tapped(base_profile(faults=("frozen_feedback",)), clock) as (platform, _, tap):
-        errors = []
-
-        def engage():
-            with pytest.raises(PlatformError) as refused:
-                platform.engage()
-            errors.append(str(refused.value))
-
-        engaging = threading.Thread(target=engage)
+        engaging = Engaging(platform)
         engaging.start()
         until(lambda: COMMAND_MODE in tap.commands())
         Sleepy.asleep_ns += 500_000_000
         engaging.join()
-        assert "suspended for 0.5 s" in errors[0]
+        assert "suspended for 0.5 s" in engaging.why
 
 
 def test_two_clocks_that_were_read_a_little_apart_are_no_suspend(clock):

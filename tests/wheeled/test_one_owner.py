@@ -8,18 +8,7 @@ import sys
 import threading
 
 import pytest
-from wheeled_rig import (
-    COMMAND_MODE,
-    STANDBY,
-    STILL,
-    InProcess,
-    Tap,
-    base_profile,
-    drive,
-    send_for,
-    tapped,
-    until,
-)
+from wheeled_rig import COMMAND_MODE, STANDBY, STILL, InProcess, Tap, base_profile, drive, tapped, until
 
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import PlatformError
@@ -29,6 +18,7 @@ from adatracker_deploy.runtime.charge import ChargeMark
 from adatracker_wheeled.platform import WheeledPlatform
 from adatracker_wheeled.sim.simulator import Simulator
 from adatracker_wheeled.sim.socketcand import SocketcandServer
+from tests.driving import Engaging, send_for
 from tests.other_machine import OfAnotherMachine
 from tests.race import owners, race
 
@@ -130,19 +120,12 @@ def test_a_base_that_somebody_commands_is_not_fit_to_engage_and_is_sent_nothing(
 def test_somebody_who_begins_to_command_while_this_side_engages_gets_the_base():
     profile = base_profile("scout", faults=("frozen_feedback",))  # it never says that it obeys
     with tapped(profile) as (platform, _, tap):
-        errors = []
-
-        def engage():
-            with pytest.raises(PlatformError) as refused:
-                platform.engage()
-            errors.append(str(refused.value))
-
-        engaging = threading.Thread(target=engage)
+        engaging = Engaging(platform)
         engaging.start()
         until(lambda: COMMAND_MODE in tap.commands())
         tap.send(*THEIRS)
         engaging.join()
-        assert COMMANDS in errors[0]
+        assert COMMANDS in engaging.why
         tap.frames()
         platform.disengage()
         assert tap.commands() == []

@@ -8,7 +8,7 @@ import time
 
 import can
 import pytest
-from wheeled_rig import Tap, base_profile, drive, send_for, until
+from wheeled_rig import Tap, base_profile, drive, until
 
 from adatracker_deploy.cli import main
 from adatracker_deploy.core.clock import MonotonicClock
@@ -16,6 +16,7 @@ from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.core.messages import Twist
 from adatracker_wheeled.adapter import traffic
 from adatracker_wheeled.adapter.traffic import FILE_NAME, Traffic, export_traffic
+from tests.driving import send_for
 from tests.trial.records import START_NS, a_step, a_trial
 
 READERS = {".asc": can.ASCReader, ".blf": can.BLFReader}

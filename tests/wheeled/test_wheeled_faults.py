@@ -9,16 +9,7 @@ import time
 
 import can
 import pytest
-from wheeled_rig import (
-    STANDBY,
-    STILL,
-    InProcess,
-    base_profile,
-    drive,
-    send_for,
-    tapped,
-    until,
-)
+from wheeled_rig import STANDBY, STILL, InProcess, base_profile, drive, tapped, until
 
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import PlatformError, UsageError
@@ -28,6 +19,7 @@ from adatracker_wheeled.platform import WheeledPlatform
 from adatracker_wheeled.sim.fuzz import frames
 from adatracker_wheeled.sim.simulator import Simulator
 from adatracker_wheeled.sim.socketcand import SocketcandServer
+from tests.driving import send_for
 from tests.kept import blocks_in_use
 
 AHEAD = Twist(vx=0.5)

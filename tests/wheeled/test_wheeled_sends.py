@@ -5,10 +5,11 @@ import math
 import can
 import pytest
 from can.interfaces.virtual import VirtualBus
-from wheeled_rig import COMMAND_MODE, STANDBY, STILL, base_profile, drive, send_for, tapped, until
+from wheeled_rig import COMMAND_MODE, STANDBY, STILL, base_profile, drive, tapped, until
 
 from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.messages import Twist
+from tests.driving import send_for
 
 AHEAD = Twist(vx=0.5)
 BRAKE_RELEASE = (0x131, b"\x00")

@@ -12,7 +12,7 @@ import urllib.request
 
 import can
 import pytest
-from wheeled_rig import send_for, until
+from wheeled_rig import until
 
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import PlatformError, UsageError
@@ -26,6 +26,7 @@ from adatracker_wheeled.protocol.codec import Codec
 from adatracker_wheeled.sim.faults import injection
 from adatracker_wheeled.sim.sitl import WheeledSitl, main
 from tests.by_hand import simulator_by_hand
+from tests.driving import send_for
 
 pytestmark = pytest.mark.slow
 

@@ -107,15 +107,6 @@ STANDBY, COMMAND_MODE, STILL = (0x421, b"\x00"), (0x421, b"\x01"), (0x111, bytes
 """Frames of AgileX's protocol v2."""
 
 
-class Sleepy(MonotonicClock):
-    """A clock of a machine that can be suspended; it stands still meanwhile, so only `suspended_ns` tells."""
-
-    asleep_ns = 0
-
-    def suspended_ns(self):
-        return type(self).asleep_ns
-
-
 @contextlib.contextmanager
 def drive(profile=None, clock=None):
     """A connected adapter and its base; give (adapter, simulator)."""
@@ -123,14 +114,6 @@ def drive(profile=None, clock=None):
     with InProcess(profile) as sitl, WheeledPlatform(sitl.start(clock, Scenario(seed=1)), clock) as platform:
         platform.connect()
         yield platform, sitl
-
-
-def send_for(platform, command, seconds):
-    """Send at 50 Hz, as the link does."""
-    start_ns = platform.clock.now_ns()
-    for tick in range(round(seconds * 50)):
-        platform.clock.sleep_until(start_ns + tick * 20_000_000)
-        platform.send(command, platform.clock.now_ns())
 
 
 def until(condition, within_s=5.0):
