@@ -9,15 +9,15 @@ import time
 import can
 
 from adatracker_deploy.core.clock import MonotonicClock
-from adatracker_deploy.platform import Scenario, Sitl
+from adatracker_deploy.platform import Scenario
 from adatracker_deploy.registry import load_profile
-from adatracker_deploy.sim.process import FaultCommands
 from adatracker_wheeled.platform import WheeledPlatform
 from adatracker_wheeled.protocol.bus import Bus
 from adatracker_wheeled.protocol.codec import Codec
 from adatracker_wheeled.protocol.frames import CanFrame, Malformed
 from adatracker_wheeled.sim.faults import ON_DEMAND, injection
 from adatracker_wheeled.sim.simulator import Simulator
+from tests.in_a_thread import SitlInAThread
 
 _numbers = itertools.count()
 
@@ -33,35 +33,24 @@ def base_profile(name="scout", *, channel=None, **sitl):
     )
 
 
-class InProcess(Sitl):
+class InProcess(SitlInAThread):
     """The simulator of `WheeledSitl`, in a thread and behind a virtual bus."""
 
     faults = ON_DEMAND
-
-    def __init__(self, profile):
-        self._profile = profile
-        self._ended = threading.Event()
-        self._thread = None
-        self._orders = FaultCommands()
 
     def start(self, clock, scenario):
         connection, sitl = self._profile.connection, self._profile.sitl
         self.simulator = Simulator(connection.roles, sitl, scenario, clock, self._orders)
         self.bus = Bus.open(connection, lambda frame: self.simulator.hear(frame) if frame else None)
-        self._thread = threading.Thread(target=self.simulator.serve, args=(self.bus.send, self._ended))
-        self._thread.start()
+        self.serve(self.simulator, self.bus.send)
         return self._profile
-
-    def order(self, line):
-        self._orders.handle(line)
 
     def inject(self, fault, *, begin=True):
         self.simulator.hear(injection(fault, begin=begin))
 
     def close(self):
-        self._ended.set()
+        super().close()
         if self._thread is not None:
-            self._thread.join()
             self.bus.close()
 
 
