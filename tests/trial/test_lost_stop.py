@@ -8,14 +8,10 @@ import sys
 
 import pytest
 
-from adatracker_deploy.app.trial_plan import TrialPlan
 from adatracker_deploy.app.trial_run import run_trial
-from adatracker_deploy.perception.segmenters import TRUTH, open_segmenter
-from adatracker_deploy.perception.target.choice import Choice
-from adatracker_deploy.platform import Scenario
-from adatracker_deploy.policy.pid import PidPolicy
 from adatracker_deploy.runtime.operator_stop import StopRequest
-from adatracker_deploy.testing.fake import FakePlatform, fake_profile
+from adatracker_deploy.testing.fake import fake_profile
+from tests.trial.plans import fake_plan
 
 STEPS = 40
 
@@ -49,21 +45,7 @@ class Unlucky:
 @pytest.mark.parametrize("when", ["connecting", "engaging", "looking", "following"])
 def test_a_stop_that_python_has_swallowed_ends_the_trial(tmp_path, monkeypatch, when):
     monkeypatch.setattr(sys, "unraisablehook", lambda _: None)
-    segmenter, segmenter_name = open_segmenter(TRUTH, "person", Choice.read("largest"), rate_hz=30.0)
-    plan = TrialPlan(
-        platform=FakePlatform,
-        profile=fake_profile(),
-        policy=PidPolicy(),
-        scenario=Scenario(),
-        camera="",
-        segmenter=segmenter,
-        segmenter_name=segmenter_name,
-        sitl=True,
-        dry_run=False,
-        steps=STEPS,
-        speed=1.0,
-        log_dir=tmp_path,
-    )
+    plan = fake_plan(fake_profile(), tmp_path, STEPS)
     unlucky, stop = Unlucky(when), StopRequest()
     with stop.listening(), stop.trial():
         summary = run_trial(plan, unlucky, 0.0, stop)

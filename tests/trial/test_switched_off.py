@@ -6,14 +6,10 @@ from dataclasses import replace
 
 import yaml
 
-from adatracker_deploy.app.trial_plan import TrialPlan
 from adatracker_deploy.app.trial_run import run_trial
-from adatracker_deploy.perception.segmenters import TRUTH, open_segmenter
-from adatracker_deploy.perception.target.choice import Choice
-from adatracker_deploy.platform import Scenario
-from adatracker_deploy.policy.pid import PidPolicy
-from adatracker_deploy.testing.fake import FakePlatform, fake_profile
+from adatracker_deploy.testing.fake import fake_profile
 from adatracker_deploy.trial.reader import read_trial
+from tests.trial.plans import fake_plan
 
 
 class Told:
@@ -33,23 +29,9 @@ SWITCHED_OFF = ("geofence", "jerk")
 
 def test_every_trial_tells_what_its_gate_goes_without(tmp_path):
     profile = fake_profile()
-    segmenter, segmenter_name = open_segmenter(TRUTH, "person", Choice.read("largest"), rate_hz=30.0)
-    plan = TrialPlan(
-        platform=FakePlatform,
-        profile=replace(profile, limits=replace(profile.limits, switched_off=SWITCHED_OFF)),
-        policy=PidPolicy(),
-        scenario=Scenario(),
-        camera="",
-        segmenter=segmenter,
-        segmenter_name=segmenter_name,
-        sitl=True,
-        dry_run=False,
-        steps=3,
-        speed=1.0,
-        log_dir=tmp_path,
-    )
+    limits = replace(profile.limits, switched_off=SWITCHED_OFF)
     told = Told()
-    run_trial(plan, told, started_s=0.0)
+    run_trial(fake_plan(replace(profile, limits=limits), tmp_path, steps=3), told, started_s=0.0)
     expected = [f"the gate runs without {name}: " for name in SWITCHED_OFF]
     shown = [line for line in told.lines if line.startswith("warning: the gate")]
     (folder,) = tmp_path.iterdir()
