@@ -305,7 +305,9 @@ class OverSocketcand:
         self.server.close()
 
 
-def test_a_cable_that_is_pulled_stops_the_run_and_replugged_needs_an_explicit_engage():
+@contextlib.contextmanager
+def cable_pulled(after_s):
+    """Give an adapter whose cable was pulled after it had driven for `after_s`, and its simulated base."""
     clock = MonotonicClock()
     with (
         contextlib.closing(OverSocketcand(base_profile(), clock)) as simulator,
@@ -313,8 +315,13 @@ def test_a_cable_that_is_pulled_stops_the_run_and_replugged_needs_an_explicit_en
     ):
         platform.connect()
         platform.engage()
-        send_for(platform, AHEAD, 1.0)
+        send_for(platform, AHEAD, after_s)
         simulator.unplug()
+        yield platform, simulator
+
+
+def test_a_cable_that_is_pulled_stops_the_run_and_replugged_needs_an_explicit_engage():
+    with cable_pulled(after_s=1.0) as (platform, simulator):
         why, took_s = keep_sending(platform)
         rest_s = took_s + until(lambda: simulator.body.measured.vx < 0.02)
         print(f"cable pulled at 0.5 m/s: latched after {took_s * 1e3:.0f} ms, at rest after {rest_s:.2f} s")
@@ -326,7 +333,7 @@ def test_a_cable_that_is_pulled_stops_the_run_and_replugged_needs_an_explicit_en
         simulator.plug_in()
         platform.clock.sleep_until(platform.clock.now_ns() + 300_000_000)
         with pytest.raises(PlatformError, match="not engaged"):
-            platform.send(AHEAD, clock.now_ns())
+            platform.send(AHEAD, platform.clock.now_ns())
         assert simulator.body.measured.vx < 0.02
         platform.engage()
         send_for(platform, AHEAD, 0.5)
@@ -335,15 +342,7 @@ def test_a_cable_that_is_pulled_stops_the_run_and_replugged_needs_an_explicit_en
 
 
 def test_a_lost_bus_makes_disengage_say_so_once_and_close_still_works():
-    clock = MonotonicClock()
-    with (
-        contextlib.closing(OverSocketcand(base_profile(), clock)) as simulator,
-        WheeledPlatform(simulator.profile, clock) as platform,
-    ):
-        platform.connect()
-        platform.engage()
-        send_for(platform, AHEAD, 0.3)
-        simulator.unplug()
+    with cable_pulled(after_s=0.3) as (platform, _):
         until(lambda: platform.state().stopped)
         with pytest.raises(PlatformError, match="is lost"):
             platform.disengage()
