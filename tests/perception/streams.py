@@ -45,6 +45,19 @@ def part(body, *headers):
 
 
 @contextlib.contextmanager
+def opening(make):
+    """Give a function that opens the camera that `make` returns for its arguments; close all at the end."""
+    with contextlib.ExitStack() as stack:
+
+        def opened(*arguments, **how):
+            camera = stack.enter_context(contextlib.closing(make(*arguments, **how)))
+            camera.open()
+            return camera
+
+        yield opened
+
+
+@contextlib.contextmanager
 def serving(answer, *, needs_request=True):
     """Serve each connection with ``answer(connection, request)`` on a free port; gives that port.
 

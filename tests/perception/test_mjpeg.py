@@ -10,7 +10,7 @@ import time
 
 import numpy as np
 import pytest
-from streams import STREAM, jpeg, part, picture, serving, until
+from streams import STREAM, jpeg, opening, part, picture, serving, until
 
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import PlatformError
@@ -38,17 +38,8 @@ def server():
 
 @pytest.fixture
 def opened():
-    """Opens cameras and closes them at the end."""
-    cameras = []
-
-    def open_camera(url):
-        cameras.append(MjpegCamera(url, CLOCK))
-        cameras[-1].open()
-        return cameras[-1]
-
-    yield open_camera
-    for camera in cameras:
-        camera.close()
+    with opening(lambda url: MjpegCamera(url, CLOCK)) as opened:
+        yield opened
 
 
 def address(port, user=""):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from streams import film, jpeg, picture
+from streams import film, jpeg, opening, picture
 
 from adatracker_deploy.core.errors import PlatformError, UsageError
 from adatracker_deploy.perception.sources import FileCamera
@@ -32,16 +32,8 @@ def path(tmp_path_factory):
 
 @pytest.fixture
 def play(path):
-    cameras = []
-
-    def opened(path=path, **how):
-        cameras.append(FileCamera(path, **how))
-        cameras[-1].open()
-        return cameras[-1]
-
-    yield opened
-    for camera in cameras:
-        camera.close()
+    with opening(lambda path=path, **how: FileCamera(path, **how)) as play:
+        yield play
 
 
 def test_a_film_begins_with_the_first_look_and_goes_on_at_its_own_rate(play):

@@ -9,7 +9,7 @@ from itertools import cycle, takewhile
 import numpy as np
 import pytest
 from rtsp import rtsp_camera
-from streams import film, jpeg, picture, serving, until
+from streams import film, jpeg, opening, picture, serving, until
 
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import PlatformError
@@ -24,16 +24,8 @@ AT_ONCE = 60
 
 @pytest.fixture
 def opened():
-    cameras = []
-
-    def open_camera(uri):
-        cameras.append(VideoCamera(uri, CLOCK))
-        cameras[-1].open()
-        return cameras[-1]
-
-    yield open_camera
-    for camera in cameras:
-        camera.close()
+    with opening(lambda uri: VideoCamera(uri, CLOCK)) as opened:
+        yield opened
 
 
 def sending(path, go_on, *, then_hang_up=True):
