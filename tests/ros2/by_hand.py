@@ -6,8 +6,6 @@ import contextlib
 import math
 import os
 import secrets
-import subprocess
-import sys
 import threading
 from unittest import mock
 
@@ -20,6 +18,7 @@ from rclpy.qos import qos_profile_sensor_data
 
 from adatracker_deploy.registry import profile_dir
 from adatracker_ros2.sim.domain import ReservedDomain
+from tests.by_hand import simulator_by_hand
 from tests.e2e.ground_robots import Watcher
 
 
@@ -37,16 +36,10 @@ class Ros2Robot:
         )
         self.profile = folder / "ros2_by_hand.yaml"
         self.profile.write_text(yaml.safe_dump(document))
-        self.simulator = subprocess.Popen(
-            [
-                *(sys.executable, "-m", "adatracker_ros2.sim.sitl"),
-                *("--profile", str(self.profile), *arguments),
-            ],
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        line = self.simulator.stdout.readline()
-        assert line.startswith('{"ready"'), line
+        self._simulated = contextlib.ExitStack()
+        self.simulator = self._simulated.enter_context(
+            simulator_by_hand("adatracker_ros2.sim.sitl", "--profile", str(self.profile), *arguments)
+        ).process
         self._watch(self._domain.number, f"/sitl_{token}/odom")
 
     def _watch(self, domain: int, topic: str) -> None:
@@ -77,7 +70,5 @@ class Ros2Robot:
         self._executor.shutdown()
         self._node.destroy_node()
         self._context.try_shutdown()
-        self.simulator.kill()
-        self.simulator.wait()
-        self.simulator.stdout.close()
+        self._simulated.close()
         self._domain.close()
