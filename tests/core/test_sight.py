@@ -78,16 +78,7 @@ def test_the_overlap_and_the_true_box():
     st.booleans(),
 )
 def test_any_two_masks_have_a_verdict_and_the_truth_itself_is_seen(seen, true, in_view):
-    known = Truth(
-        mask=true,
-        robot=Pose(),
-        camera=Pose(),
-        target_xy=(0.0, 0.0),
-        distance_m=0.0,
-        bearing_rad=0.0,
-        collided=False,
-        in_view=in_view,
-    )
+    known = dataclasses.replace(truth(in_view=in_view), mask=true)
     assert 0.0 <= judged(seen, known).mask_iou <= 1.0
     itself = judged(true, known)
     if (true == TARGET).any():
