@@ -116,6 +116,23 @@ class Flight:
         return self.process.returncode, json.loads(lines[-1]) if lines else None, err
 
 
+def follow_to_the_horizon(platform: str, folder: Path) -> dict:
+    """Have a ground robot follow for 200 steps of a rehearsal; return the summary of a good run."""
+    run = Flight(
+        [
+            *(*COMMAND, "--platform", platform, "--sitl", "--segmenter", "truth"),
+            *("--seed", "1", "--steps", "200", "--json"),
+        ],
+        folder,
+    )
+    status, summary, err = run.end(timeout_s=120)
+    assert status == 0, err
+    assert (summary["outcome"], summary["el"]) == ("completed", 200)
+    assert summary["mr"] >= 0.80
+    assert summary["ar"] > 130  # the truth came beside the pictures
+    return summary
+
+
 def gone(pid: int) -> bool:
     """Tell whether a process has ended (a zombie has)."""
     try:

@@ -11,25 +11,14 @@ from adatracker_deploy.cli import main
 from adatracker_deploy.trial.reader import read_trial
 from tests.tiers import EXHAUSTIVE
 
-from .conftest import COMMAND, Flight
+from .conftest import COMMAND, Flight, follow_to_the_horizon
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(240)]
 
 
 @pytest.mark.parametrize("platform", ["wheeled", pytest.param("quadruped", marks=EXHAUSTIVE)])
 def test_a_ground_robot_follows_to_the_horizon(tmp_path, measured, platform):
-    run = Flight(
-        [
-            *(*COMMAND, "--platform", platform, "--sitl", "--segmenter", "truth"),
-            *("--seed", "1", "--steps", "200", "--json"),
-        ],
-        tmp_path,
-    )
-    status, summary, err = run.end(timeout_s=120)
-    assert status == 0, err
-    assert (summary["outcome"], summary["el"]) == ("completed", 200)
-    assert summary["mr"] >= 0.80
-    assert summary["ar"] > 130  # the truth came beside the pictures
+    summary = follow_to_the_horizon(platform, tmp_path)
     (folder,) = (tmp_path / "trials").iterdir()
     assert json.loads((folder / "summary.json").read_text())["mr"] == summary["mr"]
     measured(f"{platform}: MR {summary['mr']:.3f}, AR {summary['ar']:.0f}, {summary['rate_hz']:.2f} Hz")
