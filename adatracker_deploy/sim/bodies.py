@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, Protocol
 
 from adatracker_deploy.config.schema import Range
 from adatracker_deploy.core.geometry import Pose, wrap_angle
@@ -75,6 +75,26 @@ def within(value: float, magnitude: float) -> float:
     return max(-magnitude, min(magnitude, value))
 
 
+class _Speeds(Protocol):
+    @property
+    def forward_m_s(self) -> float: ...
+    @property
+    def backward_m_s(self) -> float: ...
+    @property
+    def yaw_rate_rad_s(self) -> float: ...
+
+
+def clipped(command: Twist, largest: _Speeds, lateral_m_s: float = 0.0) -> Twist:
+    """Return `command` within a ground body's largest speeds, ZERO if it is not finite."""
+    if not command.is_finite():
+        return ZERO
+    return Twist(
+        vx=max(-largest.backward_m_s, min(largest.forward_m_s, command.vx)),
+        vy=within(command.vy, lateral_m_s),
+        yaw_rate=within(command.yaw_rate, largest.yaw_rate_rad_s),
+    )
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveSettings:
     """Parameters of a differential drive."""
@@ -110,7 +130,7 @@ class KinematicBody(GroundBody):
 
     def step(self, command: Twist, dt_s: float) -> None:
         """Advance by `dt_s` seconds, along the arc of the mean velocities of that time."""
-        self._delay.give(self._clip(command))
+        self._delay.give(clipped(command, self.settings))
         wanted, before = self._delay.advance(dt_s), self._velocity
         share = lag_share(self.settings.lag_s, dt_s)
         vx = share * wanted.vx + (1.0 - share) * before.vx
@@ -127,12 +147,3 @@ class KinematicBody(GroundBody):
     def velocity(self) -> Twist:
         """Return the current forward speed and yaw rate."""
         return self._velocity
-
-    def _clip(self, command: Twist) -> Twist:
-        if not command.is_finite():
-            return ZERO
-        limits = self.settings
-        return Twist(
-            vx=max(-limits.backward_m_s, min(limits.forward_m_s, command.vx)),
-            yaw_rate=within(command.yaw_rate, limits.yaw_rate_rad_s),
-        )

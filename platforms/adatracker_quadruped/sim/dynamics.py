@@ -9,7 +9,7 @@ import numpy as np
 
 from adatracker_deploy.core.geometry import Pose
 from adatracker_deploy.core.messages import ZERO, Twist
-from adatracker_deploy.sim.bodies import DelayLine, GroundBody, along_arc, lag_share, within
+from adatracker_deploy.sim.bodies import DelayLine, GroundBody, along_arc, clipped, lag_share
 from adatracker_quadruped.sim.gait import Gait
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ class QuadrupedBody(GroundBody):
 
     def step(self, command: Twist, dt_s: float) -> None:
         """Advance by `dt_s` seconds under a velocity command in the body frame."""
-        self._delay.give(self._clip(command))
+        self._delay.give(clipped(command, self.settings, self.settings.lateral_m_s))
         steps = max(1, math.ceil(dt_s / _STEP_S - 1e-9))
         for _ in range(steps):
             self._advance(dt_s / steps)
@@ -92,13 +92,3 @@ class QuadrupedBody(GroundBody):
         legs, settings = self._legs, self.settings
         walking = math.hypot(legs.vx, legs.vy) / settings.forward_m_s
         return min(1.0, walking + abs(legs.yaw_rate) / settings.yaw_rate_rad_s)
-
-    def _clip(self, command: Twist) -> Twist:
-        if not command.is_finite():
-            return ZERO
-        limits = self.settings
-        return Twist(
-            vx=max(-limits.backward_m_s, min(limits.forward_m_s, command.vx)),
-            vy=within(command.vy, limits.lateral_m_s),
-            yaw_rate=within(command.yaw_rate, limits.yaw_rate_rad_s),
-        )

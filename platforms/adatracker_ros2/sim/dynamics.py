@@ -8,7 +8,7 @@ import numpy as np
 
 from adatracker_deploy.core.geometry import Pose
 from adatracker_deploy.core.messages import ZERO, Twist
-from adatracker_deploy.sim.bodies import DelayLine, GroundBody, along_arc, lag_share, within
+from adatracker_deploy.sim.bodies import DelayLine, GroundBody, along_arc, clipped, lag_share, within
 
 if TYPE_CHECKING:
     from adatracker_ros2.sim.settings import SitlSettings
@@ -35,7 +35,7 @@ class Ros2Body(GroundBody):
 
     def step(self, command: Twist, dt_s: float) -> None:
         """Advance by `dt_s` seconds; the vertical part is ignored, not finite means zero."""
-        self._delay.give(self._clip(command))
+        self._delay.give(clipped(command, self.settings, self.settings.lateral_m_s))
         wanted, before = self._delay.advance(dt_s), self.measured
         share = lag_share(self.settings.lag_s, dt_s)
         step, turn = self.settings.accel_m_s2 * dt_s, self.settings.yaw_accel_rad_s2 * dt_s
@@ -62,13 +62,3 @@ class Ros2Body(GroundBody):
         """The base's true velocity."""
         kept, rolls = self._grip, self.measured
         return Twist(vx=kept * rolls.vx, vy=kept * rolls.vy, yaw_rate=kept * rolls.yaw_rate)
-
-    def _clip(self, command: Twist) -> Twist:
-        if not command.is_finite():
-            return ZERO
-        limits = self.settings
-        return Twist(
-            vx=max(-limits.backward_m_s, min(limits.forward_m_s, command.vx)),
-            vy=within(command.vy, limits.lateral_m_s),
-            yaw_rate=within(command.yaw_rate, limits.yaw_rate_rad_s),
-        )

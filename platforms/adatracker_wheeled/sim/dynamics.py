@@ -8,7 +8,7 @@ import numpy as np
 
 from adatracker_deploy.core.geometry import Pose
 from adatracker_deploy.core.messages import ZERO, Twist
-from adatracker_deploy.sim.bodies import DelayLine, GroundBody, along_arc, lag_share, within
+from adatracker_deploy.sim.bodies import DelayLine, GroundBody, along_arc, clipped, lag_share, within
 from adatracker_wheeled.protocol.kinematics import Drive
 from adatracker_wheeled.protocol.roles import Wheels
 
@@ -46,7 +46,7 @@ class WheeledBody(GroundBody):
 
     def step(self, command: Twist, dt_s: float) -> None:
         """Advance by `dt_s` seconds; sideways and upward parts are ignored, not finite means zero."""
-        self._delay.give(self._clip(command))
+        self._delay.give(clipped(command, self.settings))
         self.measured = self._follow(self._delay.advance(dt_s), dt_s)
         self._roll(dt_s)
 
@@ -59,13 +59,6 @@ class WheeledBody(GroundBody):
     def velocity(self) -> Twist:
         """The base's true velocity."""
         return self._velocity
-
-    def _clip(self, command: Twist) -> Twist:
-        if not command.is_finite():
-            return ZERO
-        settings = self.settings
-        vx = max(-settings.backward_m_s, min(settings.forward_m_s, command.vx))
-        return Twist(vx=vx, yaw_rate=within(command.yaw_rate, settings.yaw_rate_rad_s))
 
     def _follow(self, wanted: Twist, dt_s: float) -> Twist:
         """Return what the wheels amount to after `dt_s`; a steered base turns only as it rolls."""
