@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeVar
+import math
+from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from adatracker_deploy.core.clock import Clock
 
+
+class _Stamped(Protocol):
+    @property
+    def stamp_ns(self) -> int: ...
+
+
 T = TypeVar("T")
+P = TypeVar("P")
+S = TypeVar("S", bound=_Stamped)
 
 RESTARTED_AFTER = 3
 """This many consecutive older stamps are not reordered packets: the sender restarted, or its clock was set
@@ -37,6 +48,46 @@ class StampOrder:
             self._newest_ns, self._older = stamp_ns, 0
             self.restarts += 1
         return False
+
+
+class NotNew(ValueError):  # noqa: N818 - what the message is
+    """A message that is not newer than all before it; it is to be dropped and counted."""
+
+
+class Fresh(Generic[P, S]):
+    """Decodes only messages newer than all before: a repeated message is not a new measurement.
+
+    Args:
+        decode: returns the message in a payload, or raises ValueError.
+        clock: the run's.
+    """
+
+    def __init__(self, decode: Callable[[P], S], clock: Clock) -> None:
+        self._decode = decode
+        self._clock = clock
+        self._order = StampOrder()
+        self._restarted_ns: int | None = None
+
+    def __call__(self, payload: P) -> S:
+        """Return the message in a payload.
+
+        Raises:
+            NotNew: its stamp is not newer than the newest.
+            ValueError: it is invalid.
+        """
+        message = self._decode(payload)
+        restarts = self._order.restarts
+        if self._order.is_new(message.stamp_ns):
+            return message
+        if self._order.restarts > restarts:
+            self._restarted_ns = self._clock.now_ns()
+        raise NotNew(f"the stamp {message.stamp_ns} is not new")
+
+    def restarted_s(self) -> float:
+        """Return the machine's seconds since the stamps last went back; infinite if they never did."""
+        if self._restarted_ns is None:
+            return math.inf
+        return (self._clock.now_ns() - self._restarted_ns) / 1e9 / self._clock.speed
 
 
 def fresh_or_none(value: T | None, t_ns: int, clock: Clock, timeout_s: float) -> T | None:

@@ -5,18 +5,17 @@ from __future__ import annotations
 import math
 import threading
 import time
-from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING
 
 import zenoh
 
-from adatracker_deploy.core.stamps import StampOrder
+from adatracker_deploy.core.stamps import Fresh
 from adatracker_deploy.perception.zenoh_graph import is_ours
 from adatracker_deploy.runtime.robot_clock import clock_ahead_s
 from adatracker_quadruped.adapter.subscriber import Subscriber
 from adatracker_quadruped.protocol.cdr import SMALL_CAP_BYTES
 from adatracker_quadruped.protocol.keys import Keys
 from adatracker_quadruped.protocol.messages import (
-    Malformed,
     Odometry,
     decode_battery,
     decode_imu,
@@ -31,14 +30,6 @@ if TYPE_CHECKING:
 
     from adatracker_deploy.core.clock import Clock
     from adatracker_quadruped.protocol.connection import Connection
-
-
-class _Stamped(Protocol):
-    @property
-    def stamp_ns(self) -> int: ...
-
-
-S = TypeVar("S", bound=_Stamped)
 
 UNSETTLED_S = 1.0
 """Machine time after a restart of the driver during which its odometry is not trusted."""
@@ -136,38 +127,3 @@ class _Tokens:
                 else:
                     self._present.discard(str(change.key_expr))
             return bool(self._present)
-
-
-class Fresh(Generic[S]):
-    """Decodes only messages newer than all before: a repeated message is not a new measurement.
-
-    Args:
-        decode: returns the message in a payload, or raises ValueError.
-        clock: the run's.
-    """
-
-    def __init__(self, decode: Callable[[bytes], S], clock: Clock) -> None:
-        self._decode = decode
-        self._clock = clock
-        self._order = StampOrder()
-        self._restarted_ns: int | None = None
-
-    def __call__(self, payload: bytes) -> S:
-        """Return the message in a payload.
-
-        Raises:
-            Malformed: it is invalid, or its stamp is not newer than the newest.
-        """
-        message = self._decode(payload)
-        restarts = self._order.restarts
-        if self._order.is_new(message.stamp_ns):
-            return message
-        if self._order.restarts > restarts:
-            self._restarted_ns = self._clock.now_ns()
-        raise Malformed(f"the stamp {message.stamp_ns} is not new")
-
-    def restarted_s(self) -> float:
-        """Return the machine's seconds since the stamps last went back; infinite if they never did."""
-        if self._restarted_ns is None:
-            return math.inf
-        return (self._clock.now_ns() - self._restarted_ns) / 1e9 / self._clock.speed

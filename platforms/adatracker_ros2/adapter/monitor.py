@@ -7,8 +7,9 @@ import time
 from functools import partial
 from typing import TYPE_CHECKING
 
+from adatracker_deploy.core.stamps import Fresh
 from adatracker_deploy.runtime.robot_clock import clock_ahead_s
-from adatracker_ros2.adapter.subscriber import Fresh, Subscriber
+from adatracker_ros2.adapter.subscriber import Subscriber
 from adatracker_ros2.protocol.connection import Qos
 from adatracker_ros2.protocol.messages import (
     Odometry,

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from adatracker_deploy.core.stamps import StampOrder
-from adatracker_ros2.protocol.messages import TYPES, Malformed
+from adatracker_ros2.protocol.messages import TYPES
 from adatracker_ros2.protocol.qos import ros_qos
 
 if TYPE_CHECKING:
@@ -18,14 +16,6 @@ if TYPE_CHECKING:
     from adatracker_ros2.protocol.participant import Participant
 
 T = TypeVar("T")
-
-
-class _Stamped(Protocol):
-    @property
-    def stamp_ns(self) -> int: ...
-
-
-S = TypeVar("S", bound=_Stamped)
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,38 +69,3 @@ class Subscriber(Generic[T]):
             self.dropped += 1
             return
         self.newest = Reading(value, t_ns, self.newest.count + 1 if self.newest else 1)
-
-
-class Fresh(Generic[S]):
-    """Decodes only messages newer than all before: a repeated message is not a new measurement.
-
-    Args:
-        decode: returns what a message says, or raises ValueError.
-        clock: the run's.
-    """
-
-    def __init__(self, decode: Callable[[Any], S], clock: Clock) -> None:
-        self._decode = decode
-        self._clock = clock
-        self._order = StampOrder()
-        self._restarted_ns: int | None = None
-
-    def __call__(self, message: Any) -> S:
-        """Return what a message says.
-
-        Raises:
-            Malformed: it cannot be, or its stamp is not newer than the newest.
-        """
-        value = self._decode(message)
-        restarts = self._order.restarts
-        if self._order.is_new(value.stamp_ns):
-            return value
-        if self._order.restarts > restarts:
-            self._restarted_ns = self._clock.now_ns()
-        raise Malformed(f"the stamp {value.stamp_ns} is not new")
-
-    def restarted_s(self) -> float:
-        """Return the machine's seconds since the stamps last went back; infinite if they never did."""
-        if self._restarted_ns is None:
-            return math.inf
-        return (self._clock.now_ns() - self._restarted_ns) / 1e9 / self._clock.speed
