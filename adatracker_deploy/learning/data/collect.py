@@ -100,7 +100,7 @@ def collect_shard(recipe: Recipe, seed: int, index: int, steps: int) -> tuple[in
 def perturbed_episode(recipe: Recipe, seed: int, steps: int) -> Record:
     """Return the episode of a seed, driven by the perturbed expert for at most `steps` steps."""
     rollout = Rollout(recipe.draw(seed), steps)
-    perturb = Perturbation.drawn(seed)
+    perturb = Perturbation.drawn(seed, recipe.perturbed)
     while not rollout.ended:
         rollout.step(perturb(rollout.expert))
     return rollout.record()

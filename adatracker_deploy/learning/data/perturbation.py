@@ -2,7 +2,8 @@
 
 Each episode has a level, from none to strong. The executed action is the expert's plus noise that is
 correlated in time; at higher levels it is now and then left out, replaced by a random one that is held, or
-by a random walk for some seconds. The expert's own action is stored beside it as the label.
+by a random walk for some seconds. A recipe may have this come in bouts, between which the expert drives by
+itself: then the executed actions show how to recover. Its own action is stored beside as the label.
 """
 
 from __future__ import annotations
@@ -27,25 +28,29 @@ _WALK_PER_S = 0.05
 _DROPOUT_STEPS = (1, 5)
 _BURST_STEPS = (3, 9)
 _WALK_STEPS = (15, 40)
+_BOUT_S = 1.5
+"""Mean length of a bout."""
 
 
 class Perturbation:
     """One episode's; call it once a step."""
 
-    def __init__(self, rng: np.random.Generator, level: float) -> None:
-        """Take a level from 0, which changes nothing, to 1."""
+    def __init__(self, rng: np.random.Generator, level: float, share: float = 1.0) -> None:
+        """Take a level from 0, which changes nothing, to 1, and the share of the time that has it."""
         self._rng = rng
         self._level = level
+        self._share = share
+        self._calm = False
         self._noise = level * _STD * rng.standard_normal(2)
         self._kind = "none"
         self._left = 0
         self._held = np.zeros(2)
 
     @classmethod
-    def drawn(cls, seed: int) -> Perturbation:
+    def drawn(cls, seed: int, share: float = 1.0) -> Perturbation:
         """Return an episode's, its level drawn."""
         rng = np.random.default_rng([seed, 0x9E47])
-        return cls(rng, LEVELS[int(rng.integers(len(LEVELS)))])
+        return cls(rng, LEVELS[int(rng.integers(len(LEVELS)))], share)
 
     def __call__(self, action: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the perturbed action to execute, shape (2,), in [-1, 1]."""
@@ -54,8 +59,17 @@ class Perturbation:
         keep = math.exp(-1.0 / (RATE_HZ * _CORRELATION_S))
         fresh = self._level * _STD * math.sqrt(1.0 - keep**2)
         self._noise = keep * self._noise + fresh * self._rng.standard_normal(2)
+        if self._share < 1.0 and self._is_calm():
+            return action
         executed = self._interrupted(action + self._noise)
         return np.clip(executed, -1.0, 1.0).astype(np.float32)
+
+    def _is_calm(self) -> bool:
+        """Return whether the expert drives by itself in this step; bouts and pauses end at random."""
+        pause_s = _BOUT_S * (1.0 - self._share) / self._share
+        if self._rng.random() * RATE_HZ < 1.0 / (pause_s if self._calm else _BOUT_S):
+            self._calm = not self._calm
+        return self._calm
 
     def _interrupted(self, action: NDArray[np.float64]) -> NDArray[np.float64]:
         if self._left == 0:

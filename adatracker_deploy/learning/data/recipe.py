@@ -97,6 +97,8 @@ class Recipe:
     crossing: Spread
     """Largest number of them that cross the line of sight."""
     noise: Weights
+    perturbed: Annotated[float, Range(0.01, 1)] = 1.0
+    """Share of the time in which the expert is perturbed; below 1 in bouts, and between them it recovers."""
 
     def draw(self, seed: int) -> EpisodeSpec:
         """Return the episode that this seed stands for."""

@@ -141,6 +141,15 @@ def test_every_level_of_perturbation_is_drawn_and_strays_further_than_the_one_be
     assert strays[-1] > 0.3
 
 
+def test_in_bouts_the_expert_is_perturbed_for_its_share_of_the_time_and_by_itself_for_the_rest():
+    perturb = Perturbation(np.random.default_rng(0), 1.0, share=0.4)
+    clean = np.array([perturb(np.full(2, 0.5, np.float32)) for _ in range(20_000)]) == 0.5
+    calm = clean.all(axis=1)
+    assert calm.mean() == pytest.approx(0.6, abs=0.05)
+    lengths = np.diff(np.flatnonzero(np.diff(calm)))[::2]
+    assert lengths.mean() > 5  # a second and more, and not a step here and there
+
+
 def test_the_label_is_the_clean_action_and_the_perturbed_one_was_executed(tmp_path):
     collect(tiny.recipe(), tmp_path, steps=160)
     steps = shards.Steps.joined([read_shard(path).steps for path in tmp_path.glob("*.npz")])
