@@ -13,6 +13,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.tiers import EXHAUSTIVE
+
 from .conftest import gone
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(240)]
@@ -44,6 +46,7 @@ def test_a_tracker_that_dies_at_1_m_s_is_halted_and_landed_by_the_link(fly, stat
         assert time.monotonic() < deadline_s, "the link did not end after the landing"
 
 
+@EXHAUSTIVE  # and a row of the fault matrix, in its everyday sample
 def test_a_tracker_whose_thread_hangs_at_1_m_s_is_halted_and_landed_by_the_link(fly, station, measured):
     hanging = [sys.executable, str(Path(__file__).with_name("hanging_tracker.py"))]
     flight = fly("--steps", "2000", "--seed", "3", command=hanging)

@@ -39,6 +39,7 @@ def row_of(name):
     return next(row for row in (*ROWS, *PHASE_ROWS) if row.name == name)
 
 
+@EXHAUSTIVE  # the everyday sample of the matrix has the row
 def test_a_row_stops_in_time_stays_stopped_and_leaves_its_word_in_the_log(tmp_path, measured):
     row = row_of("camera_freeze")
     result, fault = run(row, tmp_path)

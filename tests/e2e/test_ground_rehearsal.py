@@ -16,7 +16,8 @@ from .conftest import COMMAND, Flight, follow_to_the_horizon
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(240)]
 
 
-@pytest.mark.parametrize("platform", ["wheeled", pytest.param("quadruped", marks=EXHAUSTIVE)])
+@EXHAUSTIVE  # `test_eyes` has a drone do so, and all three robots complete below
+@pytest.mark.parametrize("platform", ["wheeled", "quadruped"])
 def test_a_ground_robot_follows_to_the_horizon(tmp_path, measured, platform):
     summary = follow_to_the_horizon(platform, tmp_path)
     (folder,) = (tmp_path / "trials").iterdir()

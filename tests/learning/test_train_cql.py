@@ -78,6 +78,7 @@ def sequences(length, **changes):
     blank = Sequences(
         kinds=torch.zeros(1, 3, 4, 4),
         place=torch.zeros(1, 3 + length, 16, dtype=torch.int64),
+        statistics=torch.zeros(1, 3 + length, 0),
         actions=torch.arange(3 + length).float()[None, :, None].expand(-1, -1, A),
         experts=torch.zeros(1, length, A),
         rewards=torch.arange(length).float()[None],

@@ -13,7 +13,7 @@ from streams import film, jpeg, opening, picture, serving, until
 
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import PlatformError
-from adatracker_deploy.perception import live, watch
+from adatracker_deploy.perception import frame_monitor, live
 from adatracker_deploy.perception.video import VideoCamera
 
 CLOCK = MonotonicClock()
@@ -95,7 +95,7 @@ def test_a_stream_that_ends_is_an_error(opened, tmp_path):
 
 def test_a_live_camera_that_shows_one_and_the_same_picture_is_frozen(opened, tmp_path, monkeypatch):
     path, go_on = film(tmp_path / "live.avi", [picture()] * 2 * AT_ONCE), threading.Event()
-    monkeypatch.setattr(watch, "FROZEN_AFTER_S", 0.1)
+    monkeypatch.setattr(frame_monitor, "FROZEN_AFTER_S", 0.1)
     with sending(path, go_on, then_hang_up=False) as port:
         camera = opened(f"tcp://127.0.0.1:{port}")
         until(lambda: CLOCK.now_ns() > newest(camera).t_ns + 150_000_000)
