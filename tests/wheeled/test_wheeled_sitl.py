@@ -209,7 +209,8 @@ def test_a_simulator_that_is_frozen_is_noticed_and_does_not_move_when_it_wakes()
 
 
 DRIVER = """
-import json, sys, time
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # which background jobs ignore
 from adatracker_deploy.core.messages import Twist
 from adatracker_deploy.registry import load_profile
 from adatracker_deploy.core.clock import MonotonicClock
