@@ -35,7 +35,7 @@ from adatracker_deploy.runtime.black_box import FILE_NAME
 from adatracker_deploy.runtime.dry_run import DryRun
 from adatracker_deploy.runtime.engagement import Engagement
 from adatracker_deploy.runtime.link_process import LinkProcess
-from adatracker_deploy.runtime.loop import Ending, Loop, stopped_by
+from adatracker_deploy.runtime.loop import Ending, Loop, stopped_by, unless_stopped
 from adatracker_deploy.runtime.operator_stop import StopRequest
 from adatracker_deploy.runtime.scheduling import obtained
 from adatracker_deploy.runtime.sleep_inhibitor import inhibited
@@ -279,9 +279,11 @@ class _Trial:
                 return ending
             self.link.send(ZERO, self.clock.now_ns())
             try:
-                seen = perception.newest()
+                seen = unless_stopped(perception.newest, self.link, status)
             except FilmOverError as error:  # not the end of a trial: none had begun
                 raise PlatformError(f"no person was seen before the end: {error}") from error
+            if isinstance(seen, Ending):
+                return seen
             if seen is not None and self.plan.page is not None:
                 self.log.look(seen.frame, seen.observation, self.clock.now_ns())
                 self._take_clicks(perception, seen)

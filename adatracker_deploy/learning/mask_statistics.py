@@ -13,7 +13,7 @@ from torch.nn import functional
 STRIPS = 16
 """Columns and rows of a profile: 4 pixels each at the default size."""
 CELLS = 4
-"""Of the grid, on a side."""
+"""Cells on a side of the grid."""
 PER_CHANNEL = 2 * STRIPS + CELLS**2 + 6
 _THERE = 0.5
 """A pixel belongs to a class from here on: bundles may draw edges that are in between."""

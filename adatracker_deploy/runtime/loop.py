@@ -173,12 +173,7 @@ class Loop:
 
     def _look(self, patience_s: float, status: LinkStatus) -> Seen | Ending:
         """Return what is seen, or why the trial is over."""
-        try:
-            seen = self.observe(patience_s)
-        except PlatformError:  # a silent camera; perhaps since this process stood still while it waited
-            if ending := stopped_by(self.link.status() or status):
-                return ending
-            raise
+        seen = unless_stopped(lambda: self.observe(patience_s), self.link, status)
         return seen or Ending("system_fault", "the camera has given no frame")
 
     def _stopped(self, tick: Tick, status: LinkStatus) -> Ending | None:
@@ -239,6 +234,29 @@ def stopped_by(status: LinkStatus) -> Ending | None:
     if status.phase is Phase.ACTIVE:
         return None
     return Ending("takeover" if status.takeover else "safety_stop", status.stopped)
+
+
+def unless_stopped(
+    look: Callable[[], Seen | None], link: Commands, status: LinkStatus
+) -> Seen | Ending | None:
+    """Return what is seen, or why the link has stopped the robot if the camera fails.
+
+    A process that stood still while it waited finds its camera silent, which is not the cause.
+
+    Args:
+        look: returns the newest observation.
+        link: asked again after a failure.
+        status: of the link, from before.
+
+    Raises:
+        PlatformError: the camera fails while the robot drives.
+    """
+    try:
+        return look()
+    except PlatformError:
+        if ending := stopped_by(link.status() or status):
+            return ending
+        raise
 
 
 def _result(unseen: Unseen, seen: Seen) -> Ending | None:

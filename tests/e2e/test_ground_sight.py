@@ -28,7 +28,7 @@ from .painted import COLUMNS, RATE_HZ, ROWS, painted, painted_film, red_detector
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(120)]
 
 TICK_S = 0.1
-"""Of the default policy."""
+"""Period of the default policy."""
 LIMIT_S = 0.3
 """From the onset to the last command's being zero."""
 BUSY_S = 0.25

@@ -41,7 +41,7 @@ def profiles(everyday):
 LOOP_MANIFEST = MANIFEST | {"rate_hz": 20.0, "observation": ["mask"]}
 PICTURE_AGE_S = 0.02
 SLOT_S = 0.02
-"""Of the link."""
+"""Period of the link."""
 BUSY_S = 0.25
 """What two busy cores may add."""
 MASK, RGB = np.zeros((48, 64), np.uint8), np.zeros((48, 64, 3), np.uint8)

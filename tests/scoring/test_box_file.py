@@ -12,7 +12,7 @@ from adatracker_deploy.scoring.box_file import BoxOptions, BoxTrack, read_boxes
 
 SIZE = BoxOptions(image_size=(100, 50))
 BOX = Box(0.2, 0.6, 0.2, 0.4)
-"""Of x,y,w,h = 10,20,20,20."""
+"""The line x,y,w,h = 10,20,20,20 in that image."""
 MOT = """\
 1,4,0,0,9,9,1,-1,-1,-1
 2,3,10,20,20,20,1,-1,-1,-1

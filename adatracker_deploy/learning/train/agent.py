@@ -40,14 +40,15 @@ def drawn(classes: NDArray[np.uint8] | Tensor) -> Tensor:
     return functional.embedding(torch.as_tensor(classes).int(), table).movedim(-1, -3)
 
 
+_CHUNK = 2000
+"""Masks that are drawn at a time: 100 MB."""
+
+
 def statistics_of(packed: NDArray[np.uint8]) -> NDArray[np.float16]:
     """Return the `mask_statistics` (T, F) of packed masks (T, P)."""
     parts = np.array_split(packed, range(_CHUNK, len(packed), _CHUNK))
     return np.concatenate([mask_statistics(drawn(unpack_masks(part))).half().numpy() for part in parts])
 
-
-_CHUNK = 2000
-"""Masks that are drawn at a time: 100 MB."""
 
 CONTEXT_EVERY = 4
 """Steps for which training keeps a context; each costs K steps of the encoder's LSTM. At deployment there is
