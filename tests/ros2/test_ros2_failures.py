@@ -1,5 +1,6 @@
 """The adapter on a robot that fails: it stops, says why, and stays stopped until an explicit engage."""
 
+import contextlib
 import math
 import time
 
@@ -14,6 +15,7 @@ from adatracker_ros2.protocol.messages import Odometry, write_battery, write_odo
 from adatracker_ros2.protocol.topics import BATTERY_STATE, ODOMETRY, TWIST, Topics
 from tests.driving import Sleepy, engages
 from tests.ros2.rehearsal import (
+    PATIENCE_S,
     adapter,
     changed,
     listener,
@@ -87,21 +89,46 @@ def test_odometry_whose_stamps_go_back_stops_the_robot_at_once(simulated):
         stays_stopped_until_engaged(platform, "time stamps went back")
 
 
-def test_a_charge_that_is_told_no_more_or_as_unknown_is_not_kept(simulated):
-    """The gate stops a robot that has told its charge and does not any more."""
-    _, profile = simulated
-    profile = changed(profile, battery_topic="bms", battery_timeout_s=1.0)
+@contextlib.contextmanager
+def told_its_charge(profile, timeout_s):
+    """Give a platform and how to tell it a charge until it knows: before both have met, it is lost."""
+    profile = changed(profile, battery_topic="bms", battery_timeout_s=timeout_s)
     topic = Topics(profile.connection).battery
     with (
         adapter(profile) as platform,
         publisher(profile.connection, "bms", topic, BATTERY_STATE, reliability="reliable") as bms,
     ):
+
+        def tell(charge, known):
+            def knows():
+                bms.publish(write_battery(charge))
+                return platform.state().battery == known
+
+            until(knows, f"was told {charge}, and did not know {known}")
+
         platform.connect()
-        until(lambda: bms.get_subscription_count() == 1)
         assert platform.state().battery is None
-        for charge, told in ((0.5, 0.5), (math.nan, None), (0.4, pytest.approx(0.4)), (80.0, None)):
-            bms.publish(write_battery(charge))  # the last of them cannot be, and is none
-            until(lambda told=told: platform.state().battery == told)
+        yield platform, tell
+
+
+def test_a_charge_that_is_told_as_unknown_is_not_kept(simulated):
+    """The gate stops a robot that has told its charge and does not any more."""
+    _, profile = simulated
+    with told_its_charge(profile, timeout_s=10 * PATIENCE_S) as (_, tell):
+        tell(0.5, 0.5)
+        tell(math.nan, None)
+        tell(0.4, pytest.approx(0.4))
+
+
+@pytest.mark.parametrize("after", ["silence", "what cannot be"])
+def test_a_charge_that_is_told_no_more_is_not_kept(simulated, after):
+    _, profile = simulated
+    with told_its_charge(profile, timeout_s=1.0) as (platform, tell):
+        tell(0.5, 0.5)
+        if after == "silence":
+            until(lambda: platform.state().battery is None)
+        else:
+            tell(80.0, None)
 
 
 def test_after_a_suspend_no_moving_command_leaves_and_a_stop_has_latched(simulated, monkeypatch):
