@@ -99,7 +99,7 @@ def collect_shard(recipe: Recipe, seed: int, index: int, steps: int) -> tuple[in
 
 def perturbed_episode(recipe: Recipe, seed: int, steps: int) -> Record:
     """Return the episode of a seed, driven by the perturbed expert for at most `steps` steps."""
-    rollout = Rollout(recipe.draw(seed), steps)
+    rollout = Rollout(recipe.draw(seed), steps, recipe.expert)
     perturb = Perturbation.drawn(seed, recipe.perturbed)
     while not rollout.ended:
         rollout.step(perturb(rollout.expert))
@@ -116,10 +116,19 @@ def _without_defaults(about: Any) -> Any:
     recipe = about.get("recipe") if isinstance(about, dict) else None
     if not isinstance(recipe, dict):
         return about
-    defaults = {field.name: field.default for field in dataclasses.fields(Recipe)}
+    defaults = {
+        field.name: _plain(field.default)
+        for field in dataclasses.fields(Recipe)
+        if field.default is not dataclasses.MISSING
+    }
     return about | {
         "recipe": {key: value for key, value in recipe.items() if value != defaults.get(key, ...)}
     }
+
+
+def _plain(value: Any) -> Any:
+    """Return a recipe's value as its JSON has it."""
+    return dataclasses.asdict(value) if dataclasses.is_dataclass(value) else value  # type: ignore[arg-type]
 
 
 def _claim(out_dir: Path, recipe: Recipe, seed: int) -> None:

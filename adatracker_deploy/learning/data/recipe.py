@@ -17,6 +17,7 @@ from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.change import Change
 from adatracker_deploy.learning.embodiment import DRONE_DELAY_S, DRONE_LAG_S, BodyKind, Embodiment
 from adatracker_deploy.learning.episode_spec import RATE_HZ, EpisodeSpec
+from adatracker_deploy.learning.expert import DEFAULT_GAINS, ExpertGains
 from adatracker_deploy.learning.view import pitch_in_view_deg
 from adatracker_deploy.sim.noise import NoiseLevel
 from adatracker_deploy.sim.path import PathName
@@ -99,6 +100,9 @@ class Recipe:
     noise: Weights
     perturbed: Annotated[float, Range(0.01, 1)] = 1.0
     """Share of the time in which the expert is perturbed; below 1 in bouts, and between them it recovers."""
+
+    expert: ExpertGains = DEFAULT_GAINS
+    """How hard the expert steers, both as it is perturbed and as it labels."""
 
     def draw(self, seed: int) -> EpisodeSpec:
         """Return the episode that this seed stands for."""

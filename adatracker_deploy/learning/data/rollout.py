@@ -8,7 +8,7 @@ import numpy as np
 
 from adatracker_deploy.learning.data.shard import EpisodeHeader, Steps, pack_masks
 from adatracker_deploy.learning.data.state import StateColumns
-from adatracker_deploy.learning.expert import Expert
+from adatracker_deploy.learning.expert import DEFAULT_GAINS, Expert, ExpertGains
 from adatracker_deploy.learning.tracking import ACTION, Tracking
 from adatracker_deploy.policy.base import to_twist
 
@@ -28,8 +28,8 @@ class Rollout:
         ended: the episode is over.
     """
 
-    def __init__(self, spec: EpisodeSpec, steps: int) -> None:
-        """Begin an episode of at most `steps` steps.
+    def __init__(self, spec: EpisodeSpec, steps: int, gains: ExpertGains = DEFAULT_GAINS) -> None:
+        """Begin an episode of at most `steps` steps, with an expert of these gains.
 
         Raises:
             UsageError: its world or body is not installed.
@@ -37,7 +37,7 @@ class Rollout:
         self._spec = spec
         self._tracking = Tracking(spec, spec.task_settings(steps))
         self.mask: ClassMask = self._tracking.begin().mask
-        self._guide = Expert(self._tracking)
+        self._guide = Expert(self._tracking, gains)
         self._columns = StateColumns(self._tracking)
         self._states = [self._columns.row()]
         """One more than steps: the last is where the episode ends."""

@@ -130,7 +130,7 @@ class _Slot:
     def begin(self) -> None:
         """Begin the next episode."""
         spec = self._recipe.draw(training_seed(*self._place, self._episodes))
-        self.rollout = Rollout(spec, self._recipe.episode_steps)
+        self.rollout = Rollout(spec, self._recipe.episode_steps, self._recipe.expert)
         self._episodes += 1
 
     def step(self, answer: NDArray[np.float32], mix: float, rng: np.random.Generator) -> NDArray[np.float32]:

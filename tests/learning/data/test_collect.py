@@ -106,6 +106,24 @@ def test_a_folder_with_another_collection_is_refused(tmp_path, changed):
         collect(**({"recipe": tiny.recipe()} | changed), out_dir=tmp_path, steps=10)
 
 
+def test_a_collection_goes_on_that_was_begun_before_a_recipe_could_have_a_key(tmp_path):
+    collect(tiny.recipe(), tmp_path, steps=100)
+    about = tmp_path / "collection.json"
+    content = json.loads(about.read_text(encoding="utf-8"))
+    for key in ("expert", "perturbed", "change"):
+        del content["recipe"][key]
+    about.write_text(json.dumps(content), encoding="utf-8")
+    collect(tiny.recipe(), tmp_path, steps=200)
+    with pytest.raises(UsageError, match="holds another collection"):
+        collect(tiny.recipe(expert={"lead": 0.0}), tmp_path, steps=200)
+
+
+def test_an_experts_gains_are_those_of_the_recipe():
+    _, eager = perturbed_episode(tiny.recipe(), seed=5, steps=30)
+    _, calm = perturbed_episode(tiny.recipe(expert={"settling_s": 1.0}), seed=5, steps=30)
+    assert np.abs(calm.experts).mean() < np.abs(eager.experts).mean()
+
+
 def test_a_truncated_shard_is_noticed_when_a_collection_goes_on(tmp_path):
     collect(tiny.recipe(), tmp_path, steps=100)
     path = tmp_path / "shard-00000.npz"

@@ -11,11 +11,14 @@ from hypothesis import strategies as st
 
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.data.recipe import load_recipe, recipe_names
+from adatracker_deploy.learning.episode_spec import RATE_HZ
+from adatracker_deploy.learning.expert import DEFAULT_GAINS
+from adatracker_deploy.sim.bodies import lag_share
 from tests.learning.data import tiny
 
 
 def test_the_paper_and_the_deploy_recipe_are_shipped():
-    assert recipe_names() == ["beyond", "deploy", "paper", "tall", "wide"]
+    assert recipe_names() == ["beyond", "deploy", "offline", "paper", "tall", "wide"]
     assert load_recipe("paper").steps == 190_000
     assert load_recipe("deploy").steps == 1_000_000
 
@@ -85,7 +88,7 @@ def test_a_wrong_recipe_is_one_clear_line(changed, message):
 
 
 def test_a_missing_or_broken_file_is_one_clear_line(tmp_path):
-    with pytest.raises(UsageError, match="unknown recipe 'soup': known are beyond, deploy, paper"):
+    with pytest.raises(UsageError, match="unknown recipe 'soup': known are beyond, deploy, offline, paper"):
         load_recipe("soup")
     with pytest.raises(UsageError, match="cannot be read"):
         load_recipe(str(tmp_path / "none.yaml"))
@@ -93,3 +96,11 @@ def test_a_missing_or_broken_file_is_one_clear_line(tmp_path):
     broken.write_text("steps: [")
     with pytest.raises(UsageError, match="not valid YAML"):
         load_recipe(str(broken))
+
+
+def test_the_offline_recipes_expert_can_be_cloned_without_knowing_the_lag():
+    """It feeds the body's velocity back less than once, on any of the recipe's bodies."""
+    recipe = load_recipe("offline")
+    assert recipe.expert.lead * (1 / lag_share(recipe.lag_s.high, 1 / RATE_HZ) - 1) < 1
+    same = {"name": "", "description": "", "steps": 1, "expert": DEFAULT_GAINS}
+    assert replace(recipe, **same) == replace(load_recipe("deploy"), **same)
