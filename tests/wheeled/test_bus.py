@@ -4,6 +4,8 @@ import contextlib
 import dataclasses
 import errno
 import queue
+import socket
+import struct
 import threading
 import time
 
@@ -228,6 +230,21 @@ def test_a_socketcand_that_closes_loses_the_bus_at_once_without_spinning():
         before_s = time.process_time()
         threading.Event().wait(0.3)
         assert time.process_time() - before_s < 0.05
+
+
+def test_a_socketcand_that_resets_the_connection_is_said_in_a_sentence():
+    """As one does that is killed with commands unread; python-can's error then holds a whole traceback."""
+    server = SocketcandServer(0, ignore)
+    on = connection(interface="socketcand", channel="can0", port=server.port)
+    with contextlib.closing(Bus.open(on, ignore)) as bus:
+        assert bus.send(FRAME)
+        for client in server._clients:
+            client.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        server.close()
+        until(lambda: bus.lost)
+        assert "reset by peer" in bus.lost
+        assert "Traceback" not in bus.lost
+        assert "\n" not in bus.lost
 
 
 def test_a_busy_socketcand_opens_all_the_same():

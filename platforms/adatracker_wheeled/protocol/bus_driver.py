@@ -76,9 +76,10 @@ def open_driver(connection: Connection) -> Any:
 
 
 def line_of(error: Exception) -> str:
-    """Return an error's first line, short."""
+    """Return an error's first line, short; some of python-can's drivers put a traceback into it."""
     text = getattr(error, "strerror", None) or str(error) or type(error).__name__
-    return str(text).splitlines()[0][:120].rstrip(". ")
+    line = str(text).splitlines()[0].partition("Traceback (most recent call last)")[0]
+    return line[:120].rstrip(". ")
 
 
 def _is_busy(error: BaseException) -> bool:
