@@ -84,8 +84,8 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument(
         "--sample",
         action="store_true",
-        help="of these, only what the everyday sample has: on every robot each fault and each phase at least "
-        "once, and each kind of fault in each phase on one of them (default: every fault in every phase)",
+        help="of these, only what the everyday sample has: on every robot each phase and each fault of its "
+        "own wire, and each other fault on one of them (default: every fault in every phase)",
     )
     parser.add_argument(
         "--at-once",
