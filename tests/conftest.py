@@ -9,7 +9,6 @@ and counted. What only repeats a claim is left to the night (`tiers`).
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import hypothesis
@@ -17,12 +16,7 @@ import pytest
 
 pytest_plugins = ["tests.alone", "tests.reruns", "tests.tiers"]
 
-IN_CI = bool(os.environ.get("CI"))
-"""There the same examples are drawn each time, so that a change is judged by what it changes."""
-hypothesis.settings.register_profile("busy", deadline=None, derandomize=IN_CI)  # busy: time is no verdict
 hypothesis.settings.register_profile("brief", deadline=None, max_examples=20, derandomize=True, database=None)
-hypothesis.settings.load_profile("busy")
-
 TESTS = Path(__file__).parent
 REAL_TIME = (
     "drone",

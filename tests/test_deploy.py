@@ -21,6 +21,7 @@ from adatracker_deploy.runtime.pulse import SILENT_S
 from adatracker_deploy.runtime.scheduling import LINK_PRIORITY, MEND_AWAKE_RULE
 from adatracker_deploy.runtime.service_watchdog import PERIOD_VARIABLE, SOCKET_VARIABLE
 from adatracker_deploy.trial.reader import read_trial
+from tests.tiers import EXHAUSTIVE
 
 DEPLOY = Path(__file__).parents[1] / "deploy"
 UNITS = sorted((DEPLOY / "systemd").glob("*.service"))
@@ -87,6 +88,7 @@ def test_the_trials_unit_leaves_the_link_to_bring_the_robot_to_rest():
     assert MEND_AWAKE_RULE in (DEPLOY / "udev/60-adatracker.rules").read_text()
 
 
+@EXHAUSTIVE
 @pytest.mark.slow
 def test_a_trial_runs_as_its_unit_starts_it_and_stops_as_systemd_stops_it(tmp_path):
     service = section(DEPLOY / "systemd/adatracker@.service", "Service")

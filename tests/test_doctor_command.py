@@ -13,6 +13,9 @@ import yaml
 from adatracker_deploy.cli import main
 from adatracker_deploy.doctor import machine
 from adatracker_deploy.registry import profile_dir
+from tests.tiers import sampled
+
+pytestmark = pytest.mark.slow
 
 QUICK = ("doctor", "--seconds", "1", "--segmenter", "truth")
 
@@ -92,8 +95,7 @@ def test_a_camera_that_gives_nothing_refuses(doctor):
     assert "not fit for a trial: 1 to fix" in err
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("platform", ["wheeled", "quadruped", "drone"])
+@pytest.mark.parametrize("platform", sampled(("wheeled", "quadruped", "drone"), everyday=("drone",)))
 def test_a_simulated_robot_is_asked_over_its_wire_and_does_not_move(doctor, platform):
     status, found, _ = doctor("--platform", platform, "--sitl")
     checks = of_part(found, platform)

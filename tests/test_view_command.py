@@ -24,6 +24,9 @@ from adatracker_deploy.perception.capture import Capture
 from adatracker_deploy.perception.mjpeg_server import MjpegServer
 from adatracker_deploy.policy.base import ActionAxis, PolicyInfo
 from tests.page.browsing import Browser
+from tests.tiers import EXHAUSTIVE
+
+pytestmark = pytest.mark.slow
 
 PERIOD_NS = 100_000_000
 
@@ -305,6 +308,7 @@ def test_a_camera_that_goes_is_said_to_be_gone_after_what_was_seen_of_it(rehears
     assert "the stream has ended" in err.splitlines()[-1]
 
 
+@EXHAUSTIVE
 def test_a_camera_that_never_opens_is_told_in_five_seconds(capsys):
     with socket.create_server(("127.0.0.1", 0)) as listener:
         url = f"http://127.0.0.1:{listener.getsockname()[1]}/"

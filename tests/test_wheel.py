@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.installed import ROOT, install_wheel
+from tests.tiers import EXHAUSTIVE
 
 
 @pytest.fixture(scope="module")
@@ -38,6 +39,7 @@ def test_the_wheel_has_foxgloves_layout(command, tmp_path):
     assert "configById" in json.loads(done.stdout)
 
 
+@EXHAUSTIVE
 @pytest.mark.slow
 def test_the_wheel_rehearses(command, tmp_path):
     profile = tmp_path / "here.yaml"

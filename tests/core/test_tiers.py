@@ -1,4 +1,4 @@
-"""Tests that only repeat a claim run in the nightly run alone, and pytest counts each one left out."""
+"""What only the nightly run has runs there alone, and pytest counts each one left out."""
 
 from __future__ import annotations
 
@@ -14,13 +14,17 @@ ROOT = Path(__file__).parents[2]
 SUITE = """
     import pytest
     from hypothesis import given, settings, strategies
-    from tests.tiers import EXHAUSTIVE, examples
+    from tests.tiers import EXHAUSTIVE, examples, sampled
 
     drawn = []
 
-    @pytest.mark.parametrize("robot", ["base", pytest.param("drone", marks=EXHAUSTIVE)])
+    @pytest.mark.parametrize("robot", sampled(("base", "drone"), everyday=("base",)))
     def test_a_claim(robot):
         pass
+
+    @pytest.mark.parametrize(("a", "b"), sampled(((1, 2), (3, 4)), everyday=((3, 4),)))
+    def test_two_names(a, b):
+        assert b == a + 1
 
     @EXHAUSTIVE
     def test_a_repeat():
@@ -37,7 +41,7 @@ SUITE = """
 
 
 @pytest.mark.parametrize(
-    ("arguments", "ran"), [((), {"passed": 3, "deselected": 2}), (("--exhaustive",), {"passed": 5})]
+    ("arguments", "ran"), [((), {"passed": 4, "deselected": 3}), (("--exhaustive",), {"passed": 7})]
 )
 def test_a_run_has_each_claim_and_the_night_its_repeats(pytester, monkeypatch, arguments, ran):
     monkeypatch.setenv("PYTHONPATH", f"{ROOT}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")

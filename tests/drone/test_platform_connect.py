@@ -16,6 +16,8 @@ from adatracker_deploy.core.errors import PlatformError, UsageError
 from adatracker_deploy.registry import load_profile
 from adatracker_drone.platform import DronePlatform
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def free_port():

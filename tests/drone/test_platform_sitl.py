@@ -19,6 +19,7 @@ from adatracker_deploy.registry import load_profile
 from adatracker_deploy.testing.conformance import PlatformConformance
 from adatracker_drone.platform import DronePlatform
 from tests.driving import send_for
+from tests.tiers import EXHAUSTIVE
 
 pytestmark = pytest.mark.slow
 
@@ -150,6 +151,7 @@ def at_rest(state):
     return abs(state.velocity.vx) < 0.3 and abs(state.velocity.vy) < 0.3
 
 
+@EXHAUSTIVE
 def test_a_start_is_short_and_prints_nothing(capfd):
     took = {}
     clock = MonotonicClock()
@@ -179,6 +181,7 @@ def test_a_start_is_short_and_prints_nothing(capfd):
     assert took["airborne"] < 10.0
 
 
+@EXHAUSTIVE
 def test_a_pilot_who_switches_the_mode_has_the_drone_for_good():
     station = GroundStation()
     with contextlib.closing(station), flight(rehearsal_profile(gcs=station.url)) as platform:
@@ -205,6 +208,7 @@ def test_a_pilot_who_switches_the_mode_has_the_drone_for_good():
         assert platform.state().landed
 
 
+@EXHAUSTIVE
 def test_a_hang_at_1_m_s_is_ended_by_the_autopilots_fail_safe():
     with flight(rehearsal_profile()) as platform:
         platform.engage()
@@ -224,6 +228,7 @@ def test_a_hang_at_1_m_s_is_ended_by_the_autopilots_fail_safe():
         assert platform.state().landed
 
 
+@EXHAUSTIVE
 def test_a_lost_link_stops_the_stream_for_good_and_the_autopilot_lands():
     near_port = free_port()
     clock = MonotonicClock()
@@ -257,6 +262,7 @@ def test_a_lost_link_stops_the_stream_for_good_and_the_autopilot_lands():
             assert platform.state().landed
 
 
+@EXHAUSTIVE
 def test_the_altitude_holds_against_the_bias_of_the_velocity_estimate():
     with flight(rehearsal_profile(), speed=5.0) as platform:
         platform.engage()

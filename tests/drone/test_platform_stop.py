@@ -9,7 +9,7 @@ from watched import until, watched
 
 from adatracker_deploy.core.errors import PlatformError
 from adatracker_drone.protocol.px4 import Mode
-from tests.tiers import EXHAUSTIVE
+from tests.tiers import EXHAUSTIVE, sampled
 
 pytestmark = pytest.mark.slow
 
@@ -62,7 +62,7 @@ def stop_and_watch(drone, platform, stop):
 
 @pytest.mark.parametrize(
     "phase",
-    [pytest.param(phase, marks=EXHAUSTIVE if phase in ("ramping up", "holding") else ()) for phase in PHASES],
+    sampled(PHASES, everyday=("climbing",)),
 )
 def test_a_stop_while_engaging_lands_it_and_nothing_that_climbs_follows(phase, measured):
     with watched() as (drone, platform):
@@ -103,7 +103,10 @@ def test_a_stop_while_it_climbs_to_nine_metres_does_the_same(measured):
         measured(f"drone, stopped while it climbs to 9 m: {highest_m - before_m:.2f} m higher")
 
 
-@pytest.mark.parametrize(("phase", "order"), [("ramping up", "LAND"), ("climbing", "HOLD")])
+@pytest.mark.parametrize(
+    ("phase", "order"),
+    sampled((("ramping up", "LAND"), ("climbing", "HOLD")), everyday=(("ramping up", "LAND"),)),
+)
 def test_hold_while_engaging_keeps_it_on_the_ground_or_where_it_is(phase, order):
     with watched(speed=2.0) as (drone, platform):
         engaging = Engaging(platform)
@@ -122,6 +125,7 @@ def test_hold_while_engaging_keeps_it_on_the_ground_or_where_it_is(phase, order)
         assert not [told for told in drone.since(stopped_s + UNFINISHED) if told.order in TOWARDS_FLIGHT]
 
 
+@EXHAUSTIVE
 def test_a_landing_is_told_from_a_thrust_that_only_ramps_up():
     with watched(speed=2.0) as (drone, platform):
         engaging = Engaging(platform)
@@ -135,6 +139,7 @@ def test_a_landing_is_told_from_a_thrust_that_only_ramps_up():
         assert platform.state().landed
 
 
+@EXHAUSTIVE
 @pytest.mark.parametrize("found", ["after a stop", "after its own fail-safe"])
 def test_it_flies_again_after_every_landing_in_which_px4_goes_back_to_offboard(found):
     with watched(speed=4.0) as (drone, platform):

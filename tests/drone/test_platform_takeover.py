@@ -16,7 +16,7 @@ from adatracker_drone.adapter.commands import ARM
 from adatracker_drone.platform import DronePlatform
 from adatracker_drone.protocol.px4 import Mode
 from tests.race import owners, race
-from tests.tiers import EXHAUSTIVE
+from tests.tiers import EXHAUSTIVE, sampled
 
 pytestmark = pytest.mark.slow
 
@@ -73,6 +73,7 @@ def test_a_pilot_is_never_overridden_whenever_the_stop_comes(measured, exhaustiv
     assert not wrong
 
 
+@EXHAUSTIVE
 @pytest.mark.parametrize("after_s", [0.02, pytest.param(0.15, marks=EXHAUSTIVE)])
 def test_an_older_autopilots_pilot_is_not_overridden_either(after_s):
     with watched(tells_current_mode=False) as (drone, platform):
@@ -91,14 +92,10 @@ ENGAGING = {
 
 @pytest.mark.parametrize(
     ("mode", "phase"),
-    [
-        (Mode.HOLD, "climbing"),
-        (Mode.POSCTL, "ramping up"),
-        (Mode.RTL, "climbing"),
-        pytest.param(Mode.HOLD, "ramping up", marks=EXHAUSTIVE),
-        pytest.param(Mode.POSCTL, "climbing", marks=EXHAUSTIVE),
-        pytest.param(Mode.RTL, "ramping up", marks=EXHAUSTIVE),
-    ],
+    sampled(
+        itertools.product((Mode.HOLD, Mode.POSCTL, Mode.RTL), ("ramping up", "climbing")),
+        everyday=((Mode.HOLD, "climbing"), (Mode.POSCTL, "ramping up")),
+    ),
 )
 def test_a_pilot_who_takes_it_while_it_engages_has_it(phase, mode):
     with watched(speed=2.0) as (drone, platform):
@@ -123,6 +120,7 @@ def test_a_pilot_who_takes_it_while_it_engages_has_it(phase, mode):
         assert len(drone.since(switched_s + 0.3)) == 0
 
 
+@EXHAUSTIVE
 def test_a_pilot_who_takes_it_once_it_is_armed_is_not_overridden_by_the_take_off(monkeypatch):
     """The switch falls between the answer to ARM and the next command, before any report of the new mode."""
     order = CommandClient.order
@@ -141,6 +139,7 @@ def test_a_pilot_who_takes_it_once_it_is_armed_is_not_overridden_by_the_take_off
         assert drone.mode is Mode.POSCTL
 
 
+@EXHAUSTIVE
 def test_a_pilot_who_stops_our_landing_has_it():
     with watched(speed=2.0) as (drone, platform):
         platform.engage()
@@ -154,6 +153,7 @@ def test_a_pilot_who_stops_our_landing_has_it():
         assert drone.mode is Mode.POSCTL
 
 
+@EXHAUSTIVE
 def test_one_that_does_not_tell_whose_it_is_is_left_alone():
     """Its answers are lost: it is not told to land, for a pilot may have it; its own fail-safe lands it."""
     with watched() as (drone, platform):
@@ -190,7 +190,6 @@ def test_a_drone_that_has_an_owner_is_nobody_elses():
         assert platform.preflight()
 
 
-@pytest.mark.slow
 def test_of_two_that_start_at_once_exactly_one_has_the_drone(measured, exhaustive):
     from test_platform_sitl import rehearsal_profile
 

@@ -18,6 +18,7 @@ from adatracker_deploy.platform import Scenario
 from adatracker_deploy.registry import load_profile
 from adatracker_drone.adapter.sender_filter import Guard
 from adatracker_drone.platform import DronePlatform
+from tests.tiers import EXHAUSTIVE
 
 pytestmark = pytest.mark.slow
 
@@ -109,6 +110,7 @@ def test_a_foreign_drone_on_the_rehearsals_own_port_keeps_it_from_arming():
         assert foreign.reached == b""
 
 
+@EXHAUSTIVE
 def test_a_foreign_drone_that_begins_to_talk_in_flight_ends_the_rehearsal():
     with rehearsal() as platform, contextlib.closing(Foreign()) as foreign:
         platform.connect()

@@ -14,6 +14,7 @@ from adatracker_drone.adapter.parameter_changes import Change, proposed
 from adatracker_drone.adapter.preflight import Parameters, failsafe_checks
 from adatracker_drone.adapter.set_up import main, set_up
 from adatracker_drone.platform import DronePlatform
+from tests.tiers import EXHAUSTIVE
 
 STOCK = {"COM_OF_LOSS_T": 5.0, "COM_OBL_RC_ACT": 0, "COM_RC_OVERRIDE": 1, "GF_ACTION": 1}
 
@@ -79,6 +80,7 @@ def test_nothing_is_written_before_a_yes_and_then_exactly_what_was_shown(drone):
     assert set_up(platform, lambda _: pytest.fail("nothing to ask"), shown.append) is True
 
 
+@EXHAUSTIVE
 @pytest.mark.slow
 def test_an_armed_drone_is_written_nothing_and_a_value_out_of_range_is_told(drone):
     simulated, platform = drone

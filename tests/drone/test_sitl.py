@@ -31,6 +31,7 @@ from adatracker_drone.platform import DronePlatform
 from adatracker_drone.sim.parameters import PARAMETERS, Kind, from_wire
 from adatracker_drone.sim.simulator import Wire
 from adatracker_drone.sim.sitl import DroneSitl
+from tests.tiers import EXHAUSTIVE
 
 
 def until(condition, timeout_s=30.0):
@@ -138,6 +139,7 @@ def simulator():
         sitl.close()
 
 
+@EXHAUSTIVE
 @pytest.mark.slow
 def test_a_script_like_mavsdks_examples_flies_it(simulator):
     _, url = simulator()

@@ -19,6 +19,7 @@ from adatracker_deploy.perception.pipeline import perceive
 from adatracker_deploy.perception.segmenters import EMBEDDED, open_segmenter
 from adatracker_deploy.perception.target.choice import Choice
 from adatracker_deploy.perception.target.lock import BRIDGED_S
+from tests.tiers import EXHAUSTIVE
 
 from .conftest import started
 
@@ -42,6 +43,7 @@ def dry_run(tmp_path):
         yield run
 
 
+@EXHAUSTIVE
 @needs_video
 def test_a_film_is_followed_to_its_end_and_scored_and_nothing_moves(dry_run, tmp_path, capsys, measured):
     status, summary, err, _ = dry_run(VIDEO / "bedroom.mp4", "--steps", "2000")
@@ -103,6 +105,7 @@ def nobody(path, seconds, rate_hz=10):
     return path
 
 
+@EXHAUSTIVE
 @pytest.mark.parametrize(
     ("seconds", "reason"),
     [(40, "no person was seen within 10 s"), (2, "no person was seen before the end: camera")],
@@ -143,6 +146,7 @@ def films():
     return {name: watched(name) for name in FILMS}
 
 
+@EXHAUSTIVE
 @needs_video
 def test_in_two_of_three_films_with_a_moving_camera_the_person_is_kept_to_the_end(films, measured):
     kept = []

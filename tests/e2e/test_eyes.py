@@ -17,9 +17,8 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(240)]
 STEPS = 120
 
 
-@pytest.mark.parametrize(
-    "platform", [*(pytest.param(name, marks=EXHAUSTIVE) for name in ("wheeled", "quadruped")), "drone"]
-)
+@EXHAUSTIVE
+@pytest.mark.parametrize("platform", ["wheeled", "quadruped", "drone"])
 def test_every_robot_finds_and_follows_its_target_in_rendered_pictures(
     tmp_path, profile, capsys, measured, platform
 ):

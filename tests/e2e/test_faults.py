@@ -34,6 +34,7 @@ def halted(station, onset_s, measured, what: str) -> None:
     assert down_s < DOWN_LIMIT_S
 
 
+@EXHAUSTIVE
 def test_a_tracker_that_dies_at_1_m_s_is_halted_and_landed_by_the_link(fly, station, measured):
     flight = fly("--steps", "2000", "--seed", "3")
     station.wait_until_flying(FAST_M_S)

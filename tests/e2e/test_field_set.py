@@ -11,6 +11,7 @@ import sys
 import pytest
 
 from adatracker_deploy.cli import main
+from tests.tiers import EXHAUSTIVE
 
 from .conftest import COMMAND
 
@@ -51,6 +52,7 @@ def the_trials(capsys, folder):
     return json.loads(capsys.readouterr().out)["trials"]
 
 
+@EXHAUSTIVE
 def test_both_trials_ran_and_are_listed_as_they_were_marked(operated, capsys):
     folder, status, said = operated
     rows = the_trials(capsys, folder)

@@ -21,6 +21,7 @@ from adatracker_deploy.runtime.black_box import FILE_NAME, read_black_box
 from adatracker_deploy.runtime.link import Phase
 from adatracker_deploy.runtime.running import PLACE_VARIABLE, Running, running
 from adatracker_deploy.trial.reader import read_trial
+from tests.tiers import EXHAUSTIVE
 
 from .conftest import gone, started
 
@@ -118,6 +119,7 @@ def speed_m_s(moment) -> float:
     return None if velocity is None else (velocity.vx**2 + velocity.vy**2) ** 0.5
 
 
+@EXHAUSTIVE
 def test_three_robots_start_together_and_complete_and_one_page_shows_them(fleet, tmp_path):
     status, found, err = fleet(60).end(timeout_s=200)
     assert status == 0, err
@@ -133,6 +135,7 @@ def test_three_robots_start_together_and_complete_and_one_page_shows_them(fleet,
         assert f"{name}: {log.parent.name}" in page
 
 
+@EXHAUSTIVE
 def test_one_stop_stops_all_three_in_their_limits(fleet, tmp_path, capsys, measured):
     run = fleet(100_000)
     await_driving(run, STANDS_S)
@@ -152,6 +155,7 @@ def test_one_stop_stops_all_three_in_their_limits(fleet, tmp_path, capsys, measu
         assert stands_s < limit_s
 
 
+@EXHAUSTIVE
 def test_they_stop_when_the_fleets_command_is_killed(fleet, measured):
     run = fleet(100_000)
     await_driving(run, STANDS_S)
@@ -170,6 +174,7 @@ def test_they_stop_when_the_fleets_command_is_killed(fleet, measured):
         assert stands_s < STANDS_S[name]
 
 
+@EXHAUSTIVE
 def test_a_robot_that_fails_stops_the_others(fleet):
     status, found, err = fleet(100_000, flies=False, left={"fault": "link_drop@1"}).end(timeout_s=120)
     assert status == 1
@@ -178,6 +183,7 @@ def test_a_robot_that_fails_stops_the_others(fleet):
     assert found["robots"]["right"]["result"]["outcome"] == "interrupted"
 
 
+@EXHAUSTIVE
 def test_the_others_go_on_where_the_file_says_so(fleet):
     run = fleet(80, flies=False, left={"fault": "link_drop@1"}, on_failure="go-on")
     status, found, err = run.end(timeout_s=120)

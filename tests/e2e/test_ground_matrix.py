@@ -59,18 +59,16 @@ def test_a_row_stops_in_time_stays_stopped_and_leaves_its_word_in_the_log(tmp_pa
     assert ("fault: camera_freeze is over" in messages) == bool(fault.lasts_s)
 
 
+@EXHAUSTIVE
 def test_after_a_killed_tracker_a_second_run_engages_the_same_robot_again(tmp_path):
     result, _ = run(row_of("tracker_kill@engaging"), tmp_path)
     assert (result.verdict, result.again) == ("ok", "engages again"), result
 
 
+@EXHAUSTIVE
 @pytest.mark.parametrize(
     "name",
-    [
-        "link_stop@engaging",
-        "gc_pause",
-        *(pytest.param(name, marks=EXHAUSTIVE) for name in ("tracker_kill", "interrupt@disengaging")),
-    ],
+    ["link_stop@engaging", "gc_pause", "tracker_kill", "interrupt@disengaging"],
 )
 def test_a_row_whose_injector_does_nothing_is_not_ok(tmp_path, monkeypatch, name):
     row = row_of(name)

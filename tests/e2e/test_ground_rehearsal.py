@@ -25,6 +25,7 @@ def test_a_ground_robot_follows_to_the_horizon(tmp_path, measured, platform):
     measured(f"{platform}: MR {summary['mr']:.3f}, AR {summary['ar']:.0f}, {summary['rate_hz']:.2f} Hz")
 
 
+@EXHAUSTIVE
 def test_what_the_kernel_gave_to_loop_and_link_is_told_and_logged_and_so_are_the_stages(tmp_path):
     core = min(os.sched_getaffinity(0))
     run = Flight(
@@ -45,6 +46,7 @@ def test_what_the_kernel_gave_to_loop_and_link_is_told_and_logged_and_so_are_the
     assert summary["stages_ms"]["sensor_to_wire"]["p50"] > summary["latency_ms"]["p50"]
 
 
+@EXHAUSTIVE
 def test_a_trial_whose_pictures_were_not_kept_is_scored_and_replayed_all_the_same(tmp_path, capsys):
     run = Flight(
         [*COMMAND, "--platform", "wheeled", "--sitl", "--steps", "10", "--no-frames", "--json"], tmp_path
@@ -65,6 +67,7 @@ def test_a_trial_whose_pictures_were_not_kept_is_scored_and_replayed_all_the_sam
     assert "no camera frames in it" in capsys.readouterr().err
 
 
+@EXHAUSTIVE
 def test_all_three_robots_print_the_papers_table(tmp_path):
     run = Flight(
         [

@@ -19,7 +19,7 @@ from adatracker_deploy.core.task import FIRST_SIGHT_S
 from adatracker_deploy.perception.mjpeg_server import MjpegServer
 from adatracker_deploy.policy.base import STALE_OBSERVATION_S
 from adatracker_deploy.trial.reader import read_trial
-from tests.tiers import EXHAUSTIVE
+from tests.tiers import EXHAUSTIVE, sampled
 
 from .conftest import COMMAND, started
 from .ground_robots import Wheeled
@@ -77,7 +77,7 @@ SEGMENTERS = {
 }
 
 
-@pytest.mark.parametrize("how", ["earlier", "not a number"])
+@pytest.mark.parametrize("how", sampled(("earlier", "not a number"), everyday=("not a number",)))
 def test_a_segmenter_that_gives_rubbish_ends_a_dry_run(dry_run, person, tmp_path, measured, how):
     status, summary, err = dry_run("--camera", person, command=failing(how)).end()
     outcome, reason = SEGMENTERS[how]
@@ -87,6 +87,7 @@ def test_a_segmenter_that_gives_rubbish_ends_a_dry_run(dry_run, person, tmp_path
     stopped_for_good(tmp_path, int((tmp_path / "onset").read_text()), f"segmenter: {how}", measured)
 
 
+@EXHAUSTIVE
 def test_a_network_that_begins_to_give_no_numbers_ends_a_dry_run(dry_run, tmp_path, measured):
     film = painted_film(tmp_path / "dark.avi", seconds=20, until_s=3)  # a dark picture scores 0 / 0
     status, summary, err = dry_run("--camera", str(film), command=COMMAND).end()
@@ -96,6 +97,7 @@ def test_a_network_that_begins_to_give_no_numbers_ends_a_dry_run(dry_run, tmp_pa
     assert trial.steps[-1].frame_seq <= 3 * RATE_HZ  # the last picture with somebody in it, or one before
 
 
+@EXHAUSTIVE
 def test_a_segmenter_that_hangs_is_not_the_next_trials(dry_run, person, tmp_path):
     run = dry_run("--camera", person, "--trials", "2", command=failing("hangs"))
     status, _, err = run.end()
@@ -154,8 +156,8 @@ class Eye:
 @pytest.mark.parametrize(
     ("fault", "reason"),
     [
-        (Eye.freeze, "has given the very same picture for 1."),
-        (Eye.grow, "the picture's size changed from 96x64 to 192x128 px"),
+        pytest.param(Eye.freeze, "has given the very same picture for 1.", marks=EXHAUSTIVE),
+        pytest.param(Eye.grow, "the picture's size changed from 96x64 to 192x128 px", marks=EXHAUSTIVE),
         (Eye.restart, "the stream has ended"),
     ],
 )
@@ -175,6 +177,7 @@ def test_a_camera_that_goes_wrong_ends_a_dry_run_and_its_return_changes_nothing(
     stopped_for_good(tmp_path, onset_ns, f"camera: {fault.__name__}", measured)
 
 
+@EXHAUSTIVE
 def test_a_robot_that_stops_while_nobody_is_seen_ends_the_search_and_says_why(tmp_path):
     with (
         contextlib.closing(Wheeled(tmp_path)) as robot,
@@ -190,7 +193,7 @@ def test_a_robot_that_stops_while_nobody_is_seen_ends_the_search_and_says_why(tm
         assert "no person" not in summary["reason"]
 
 
-@pytest.mark.parametrize("how", [pytest.param("stalls", marks=EXHAUSTIVE), "raises"])
+@pytest.mark.parametrize("how", sampled(("stalls", "raises"), everyday=("raises",)))
 def test_a_robot_whose_segmenter_goes_wrong_stands_and_begins_no_other_trial(tmp_path, measured, how):
     with (
         contextlib.closing(Wheeled(tmp_path, "--scenario", '{"seed": 3, "target_speed_m_s": 0.5}')) as robot,

@@ -73,6 +73,7 @@ def strike(measured, robot, what: str, action, limit_s: float) -> float:
     return stopped(measured, robot, what, onset_s, limit_s)
 
 
+@EXHAUSTIVE
 @ON_ONE
 def test_at_its_normal_end_it_stands(drive, robot, measured):
     run = drive("--steps", "150", "--json")
@@ -85,6 +86,7 @@ def test_at_its_normal_end_it_stands(drive, robot, measured):
     assert robot.watcher.samples[-1].speed_m_s < 0.05
 
 
+@EXHAUSTIVE
 @ON_ONE
 def test_after_an_unexpected_error_it_stands(drive, robot, measured):
     failing = [sys.executable, str(Path(__file__).with_name("failing_tracker.py"))]
@@ -93,12 +95,14 @@ def test_after_an_unexpected_error_it_stands(drive, robot, measured):
     stopped(measured, robot, "exception", time.monotonic(), TOLD_S)
 
 
+@EXHAUSTIVE
 @ON_ONE
 def test_a_tracker_that_dies(drive, robot, measured):
     run = drive("--steps", "2000")
     strike(measured, robot, "tracker, SIGKILL", lambda: os.kill(run.pid, signal.SIGKILL), ROBOTS_OWN_S)
 
 
+@EXHAUSTIVE
 @ON_ONE
 def test_its_policys_server_is_killed(drive, robot, measured):
     with serving() as (server, uri):
@@ -111,6 +115,7 @@ def test_its_policys_server_is_killed(drive, robot, measured):
     assert "round trip" in err  # in the table
 
 
+@EXHAUSTIVE
 def test_an_unplugged_cable(drive, robot, measured):
     run = drive("--steps", "2000", "--json")
     strike(measured, robot, "cable unplugged", robot.cable.cut, ROBOTS_OWN_S)
@@ -122,6 +127,7 @@ def test_an_unplugged_cable(drive, robot, measured):
     assert summary["reason"]
 
 
+@EXHAUSTIVE
 def test_a_frozen_connection_and_its_return(drive, robot, measured):
     run = drive("--steps", "2000", "--json")
     strike(measured, robot, "frozen connection", robot.cable.freeze, LEASE_S)
@@ -131,6 +137,7 @@ def test_a_frozen_connection_and_its_return(drive, robot, measured):
     assert status == 1
 
 
+@EXHAUSTIVE
 def test_a_robot_that_dies_ends_the_run_with_a_sentence(drive, robot):
     run = drive("--steps", "2000", "--json")
     robot.watcher.wait_until_cruising(CRUISE_M_S)

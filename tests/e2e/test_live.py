@@ -11,6 +11,8 @@ import cv2
 import numpy as np
 import pytest
 
+from tests.tiers import EXHAUSTIVE
+
 from .conftest import started
 
 pytest.importorskip("websockets", reason="needs the extra 'live'")
@@ -57,6 +59,7 @@ def watched(tmp_path):
             yield line, viewer, run
 
 
+@EXHAUSTIVE
 def test_a_viewer_sees_pictures_and_steps_at_the_loops_rate(watched, tmp_path, measured):
     line, viewer, run = watched
     assert "https://app.foxglove.dev/?ds=foxglove-websocket&ds.url=ws%3A%2F%2F127.0.0.1%3A" in line

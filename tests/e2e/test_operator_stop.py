@@ -18,7 +18,7 @@ from adatracker_deploy.cli import main
 from adatracker_deploy.registry import profile_dir
 from adatracker_deploy.runtime.running import PLACE_VARIABLE, folder
 from adatracker_deploy.trial.reader import read_trial
-from tests.tiers import EXHAUSTIVE
+from tests.tiers import EXHAUSTIVE, sampled
 
 from .conftest import COMMAND, gone
 
@@ -122,6 +122,7 @@ def test_trials_are_found_whatever_the_environment_of_who_stops_them(monkeypatch
     assert len(found) == 1
 
 
+@EXHAUSTIVE
 def test_one_trial_is_stopped_by_its_log_and_the_other_runs_on(trial, capsys, tmp_path):
     first, second = trial("--log-dir", "one"), trial("--log-dir", "two")
     (log,) = (tmp_path / "one").iterdir()
@@ -136,6 +137,7 @@ def test_one_trial_is_stopped_by_its_log_and_the_other_runs_on(trial, capsys, tm
     assert second.wait() == 130
 
 
+@EXHAUSTIVE
 def test_a_trial_that_ends_by_itself_says_so_and_is_waited_for(trial, tmp_path):
     ending = trial("--steps", "20")
     for line in ending.stdout:
@@ -147,6 +149,7 @@ def test_a_trial_that_ends_by_itself_says_so_and_is_waited_for(trial, tmp_path):
     assert read_trial(log).complete
 
 
+@EXHAUSTIVE
 @pytest.mark.parametrize(
     "number",
     [signal.SIGHUP, *(pytest.param(each, marks=EXHAUSTIVE) for each in (signal.SIGINT, signal.SIGTERM))],
@@ -179,6 +182,7 @@ def test_a_dropped_terminal_stops_the_robot_in_order(tmp_path):
     assert trial.summary["outcome"] == "interrupted"
 
 
+@EXHAUSTIVE
 def test_a_trial_that_was_asked_to_goes_on_without_its_terminal(tmp_path):
     pid, terminal = pty.fork()
     if pid == 0:  # pragma: no cover
@@ -201,7 +205,7 @@ def test_a_folder_that_others_can_write_is_refused(tmp_path, capsys):
     assert "not a folder that this user alone can write" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("how", ["pressed", "dead"])
+@pytest.mark.parametrize("how", sampled(("pressed", "dead"), everyday=("dead",)))
 def test_a_hook_stops_by_a_byte_and_by_dying(trial, how):
     end, hook = os.pipe()
     running = trial("--stop-fd", str(end), pass_fds=(end,))

@@ -16,6 +16,7 @@ from tests.tiers import EXHAUSTIVE
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(240)]
 
 
+@EXHAUSTIVE
 @pytest.mark.parametrize("speed", [pytest.param("1", marks=EXHAUSTIVE), "3"])
 def test_a_drone_follows_to_the_horizon_and_lands(fly, station, tmp_path, measured, speed):
     flight = fly("--seed", "1", "--steps", "400", "--json", "--speed", speed)
@@ -43,6 +44,7 @@ def test_several_trials_print_the_papers_row(fly):
     assert "±" in err
 
 
+@EXHAUSTIVE
 def test_a_drone_whose_policys_server_is_killed_halts_and_lands(fly, station, tmp_path, measured):
     with serving(DEFAULT) as (server, uri):
         flight = fly("--seed", "1", "--steps", "2000", "--json", "--policy", uri)

@@ -14,6 +14,7 @@ from adatracker_deploy.registry import profile_dir
 from adatracker_deploy.trial.reader import read_trial
 from tests.by_hand import simulator_by_hand
 from tests.drone.serial_cable import SerialCable
+from tests.tiers import EXHAUSTIVE
 
 from .conftest import COMMAND, Flight
 
@@ -44,6 +45,7 @@ def flown(folder, steps):
     return Flight([*COMMAND, *options, "--segmenter", "truth", "--steps", str(steps), "--json"], folder)
 
 
+@EXHAUSTIVE
 def test_a_drone_follows_over_a_serial_cable(cable, tmp_path):
     status, _, err = flown(tmp_path, 60).end(timeout_s=150)
     assert status == 0, err
@@ -56,6 +58,7 @@ def test_a_drone_follows_over_a_serial_cable(cable, tmp_path):
     assert trial.config["profile"]["connection"]["url"].startswith("serial:///dev/")
 
 
+@EXHAUSTIVE
 def test_a_cable_that_is_pulled_ends_the_trial_and_the_autopilot_lands_by_itself(
     cable, station, tmp_path, measured
 ):

@@ -15,6 +15,7 @@ from adatracker_deploy.runtime.teleop.event_file import EVENTS_NAME, read_events
 from adatracker_deploy.runtime.teleop.hand import Hand
 from adatracker_deploy.runtime.teleop.takeover import HAND_ACTION
 from adatracker_deploy.trial.reader import read_trial
+from tests.tiers import EXHAUSTIVE
 
 from .conftest import COMMAND, Flight
 
@@ -28,6 +29,7 @@ EVENTS = (
 )
 
 
+@EXHAUSTIVE
 def test_a_takeover_is_logged_scored_and_comes_back_to_the_bit(tmp_path, capsys, measured):
     (tmp_path / "hand.jsonl").write_text(EVENTS)
     run = Flight(

@@ -12,6 +12,7 @@ from adatracker_deploy.evaluation.ablation import ArmScore, ablation_latex, abla
 from adatracker_deploy.learning.data.collect import collect
 from adatracker_deploy.learning.data.recipe import load_recipe
 from adatracker_deploy.scoring.stats.intervals import mean_difference
+from tests.tiers import EXHAUSTIVE
 
 
 def an_arm(name, *ars):
@@ -53,6 +54,7 @@ def test_an_arm_is_compared_with_the_whole():
     assert "no-encoder & 410/500/1.00 & -40 [" in ablation_latex("field", [whole, arm])
 
 
+@EXHAUSTIVE
 def test_the_table_comes_from_one_command_which_keeps_what_is_finished(tmp_path, capsys):
     data, out = tmp_path / "data", tmp_path / "out"
     collect(load_recipe("paper"), data, steps=300, seed=4)

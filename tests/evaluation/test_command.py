@@ -14,6 +14,7 @@ import pytest
 from adatracker_deploy.cli import main
 from adatracker_deploy.evaluation import play
 from tests.policy import tiny
+from tests.tiers import EXHAUSTIVE
 
 SHORT = ("evaluate", "--episodes", "1", "--steps", "3", "--workers", "1")
 
@@ -106,8 +107,13 @@ def test_a_bundle_is_scored_where_there_is_no_torch_and_no_matplotlib(tmp_path):
     assert "tiny  " in done.stdout
 
 
+@EXHAUSTIVE
 @pytest.mark.slow
-@pytest.mark.parametrize("began_deaf", [False, True], ids=["in a terminal", "as a script's background job"])
+@pytest.mark.parametrize(
+    "began_deaf",
+    [False, True],
+    ids=["in a terminal", "as a script's background job"],
+)
 def test_ctrl_c_in_the_middle_of_parallel_work_leaves_json_and_no_traceback(began_deaf):
     command = [sys.executable, "-m", "adatracker_deploy", "evaluate", "--workers", "2", "--json"]
     if began_deaf:  # what a shell without job control does to what it starts with &

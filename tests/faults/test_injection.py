@@ -15,6 +15,8 @@ from adatracker_deploy.faults.phases import TrialPhase
 from adatracker_deploy.faults.schedule import parse_schedule
 from adatracker_deploy.sim.ground_truth import FILE_NAME, GroundTruthRecorder, read_witness
 
+pytestmark = pytest.mark.slow
+
 
 class Simulator:
     """A simulated robot that keeps the orders it receives."""

@@ -13,6 +13,9 @@ from adatracker_deploy.learning.export import export_checkpoint
 from adatracker_deploy.learning.networks import AdaTrackerConfig
 from adatracker_deploy.policy.bundle import load_bundle
 from tests.learning import fresh
+from tests.tiers import sampled
+
+pytestmark = pytest.mark.slow
 
 
 def exported(path, out, **options):
@@ -22,12 +25,15 @@ def exported(path, out, **options):
 
 @pytest.mark.parametrize(
     ("variant", "interface"),
-    [
-        ("belief", "streaming"),
-        ("belief", "window"),
-        ("no encoder, last action", None),
-        ("pooled", "streaming"),
-    ],
+    sampled(
+        (
+            ("belief", "streaming"),
+            ("belief", "window"),
+            ("no encoder, last action", None),
+            ("pooled", "streaming"),
+        ),
+        everyday=(("belief", "window"), ("no encoder, last action", None)),
+    ),
 )
 def test_it_gives_back_the_weights_that_were_exported(tmp_path, variant, interface):
     config = fresh.VARIANTS[variant]

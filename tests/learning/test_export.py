@@ -24,6 +24,8 @@ from adatracker_deploy.policy.onnx_policy import OnnxPolicy
 from tests.learning import fresh
 from tests.tiers import EXHAUSTIVE
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 PUBLISHED = ROOT.parent / "shared" / "data" / "offline_evt_public.pth"
 TICKS = 30

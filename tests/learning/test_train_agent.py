@@ -21,6 +21,7 @@ from adatracker_deploy.learning.train.agent import Agent, Sequences, drawn, stat
 from adatracker_deploy.learning.train.visitor import Visitor, visit_round
 from adatracker_deploy.policy.drawing import MaskPainter
 from tests.learning import fresh
+from tests.tiers import EXHAUSTIVE
 
 STEPS = 20
 CONFIGS = {"whole": replace(fresh.CONFIG, size=64, last_action=True)} | {
@@ -124,6 +125,7 @@ def test_both_networks_of_an_agent_look_through_one_backbone():
     assert agent.encoder.backbone is agent.policy.backbone
 
 
+@EXHAUSTIVE
 def test_any_number_of_workers_visits_the_same_and_what_is_there_is_kept(tmp_path):
     recipe, agent = replace(load_recipe("paper"), episode_steps=8), an_agent(CONFIGS["whole"])
     told = {"steps": 300, "seed": [1, 2]}

@@ -14,6 +14,8 @@ from adatracker_deploy.learning.train.awr import Awr
 from adatracker_deploy.learning.train.critics import StateCritics
 from adatracker_deploy.learning.train.settings import TrainSettings
 
+pytestmark = pytest.mark.slow
+
 SETTINGS = TrainSettings(recipe="paper", method="awr", updates=3, batch=2, length=20, critic_updates=150)
 
 

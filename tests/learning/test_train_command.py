@@ -16,6 +16,7 @@ from adatracker_deploy.learning.data.collect import collect
 from adatracker_deploy.learning.data.recipe import load_recipe
 from adatracker_deploy.learning.train.settings import Variant
 from adatracker_deploy.learning.train.snapshot import read_snapshot
+from tests.tiers import EXHAUSTIVE
 
 TINY = ("--recipe", "paper", "--rounds", "0", "--batch", "2", "--length", "20", "--threads", "1")
 
@@ -91,6 +92,7 @@ def test_a_damaged_shard_and_a_file_for_a_folder_are_status_2(data, tmp_path, ca
     assert "cannot be made" in capsys.readouterr().err
 
 
+@EXHAUSTIVE
 def test_ctrl_c_saves_and_ends_with_130_and_the_rest_follows(data, tmp_path):
     command = [sys.executable, "-m", "adatracker_deploy"]
     whole, cut = tmp_path / "whole", tmp_path / "cut"

@@ -25,6 +25,8 @@ from adatracker_deploy.learning.train.settings import TrainSettings
 from adatracker_deploy.policy.catalogue import find_bundle
 from tests.tiers import EXHAUSTIVE
 
+pytestmark = pytest.mark.slow
+
 TINY = TrainSettings(recipe="paper", updates=6, rounds=1, round_steps=150, batch=2, length=20)
 METHODS = {
     "dagger": TINY,

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.installed import ROOT, install_wheel
+from tests.tiers import EXHAUSTIVE
 
 GUIDE = ROOT / "docs" / "add-a-robot.md"
 
@@ -74,6 +75,7 @@ def test_it_rehearses(run, tmp_path):
     assert summary["mr"] > 0
 
 
+@EXHAUSTIVE
 @pytest.mark.slow
 def test_its_own_tests_pass_where_it_is_installed(run):
     """They inherit the conformance suite from the toolkit."""

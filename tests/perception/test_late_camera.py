@@ -28,6 +28,7 @@ from adatracker_deploy.runtime.gate import Setpoint
 from adatracker_deploy.runtime.link import RATE_HZ, Link, Phase
 from adatracker_deploy.runtime.loop import Loop
 from adatracker_deploy.testing.fake import FakePlatform, fake_profile
+from tests.tiers import sampled
 
 pytestmark = pytest.mark.timeout(60)
 
@@ -158,7 +159,7 @@ class Robot:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("simulator", [mjpeg, rtsp, ros2])
+@pytest.mark.parametrize("simulator", sampled((mjpeg, rtsp, ros2), everyday=(mjpeg,)))
 def test_pictures_that_come_later_and_later_drive_nothing(simulator, measured):
     congestion = Congestion()
     with contextlib.ExitStack() as stack:

@@ -22,6 +22,7 @@ from adatracker_deploy.perception.pipeline import Perception
 from adatracker_deploy.perception.sources import FileCamera, open_source
 from adatracker_deploy.perception.target_segmenter import TargetSegmenter
 from tests.e2e.painted import painted, red_detector
+from tests.tiers import EXHAUSTIVE
 
 WARM, FRAMES = 500, 1500
 KEPT_MIB = 24
@@ -50,6 +51,7 @@ class Weighed:
         return observation
 
 
+@EXHAUSTIVE
 @pytest.mark.slow
 def test_a_thousand_frames_leave_nothing_behind(tmp_path, measured):
     path = film(tmp_path / "person.avi", [painted(number, (120, 160)) for number in range(FRAMES)])

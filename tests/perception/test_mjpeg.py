@@ -23,6 +23,7 @@ from adatracker_deploy.perception.mjpeg_server import MjpegServer
 from adatracker_deploy.perception.multipart import LARGEST_BODY_BYTES, MultipartParser, Part
 from adatracker_deploy.perception.truth_wire import encode_truth
 from tests.kept import blocks_in_use
+from tests.tiers import EXHAUSTIVE
 
 CLOCK = MonotonicClock()
 TRUTH = Truth(np.ones((48, 64), np.uint8), Pose(1.0), Pose(2.0), (3.0, 4.0), 5.0, 0.5, collided=False)
@@ -331,6 +332,7 @@ def test_a_camera_that_was_never_opened_can_be_closed():
     MjpegCamera("http://127.0.0.1:9/", CLOCK).close()
 
 
+@EXHAUSTIVE
 @pytest.mark.slow
 def test_a_hundred_thousand_damaged_parts_break_nothing_and_leave_nothing_behind():
     rng, body = random.Random(0), jpeg(picture(size=(16, 16)))

@@ -16,6 +16,8 @@ from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.perception import frame_monitor, live
 from adatracker_deploy.perception.video import VideoCamera
 
+pytestmark = pytest.mark.slow
+
 CLOCK = MonotonicClock()
 PAUSE = threading.Event()
 AT_ONCE = 60

@@ -26,6 +26,9 @@ from adatracker_deploy.perception.compressed_image import (
 from adatracker_deploy.perception.jpeg import decode_jpeg
 from adatracker_deploy.perception.sources import open_source
 from adatracker_deploy.perception.zenoh_session import session_config
+from tests.tiers import EXHAUSTIVE
+
+pytestmark = pytest.mark.slow
 
 CLOCK = MonotonicClock()
 KEY = "front/image/compressed"
@@ -220,6 +223,7 @@ def ended(camera):
     return ""
 
 
+@EXHAUSTIVE
 def test_a_topic_without_images_is_said_in_five_seconds(robot, port):
     camera = open_source(f"zenoh://127.0.0.1:{port}/rear/image", CLOCK)
     with pytest.raises(PlatformError, match="no picture came within 5 s"):

@@ -29,6 +29,9 @@ from adatracker_quadruped.protocol.publisher import Publisher
 from adatracker_quadruped.protocol.rehearsal_keys import Fault, SitlKeys, encode_stamped_truth
 from tests.quadruped.rehearsal import goes_wrong, rehearsed, simulator
 from tests.quadruped.routers import free_port, robot, until
+from tests.tiers import EXHAUSTIVE
+
+pytestmark = pytest.mark.slow
 
 
 def png(grey, size=(24, 32)):
@@ -239,7 +242,6 @@ def rehearsal():
         camera.close()
 
 
-@pytest.mark.slow
 def test_every_image_of_a_rehearsal_carries_its_own_truth(rehearsal):
     _, _, camera = rehearsal
     camera.go()
@@ -254,7 +256,6 @@ def test_every_image_of_a_rehearsal_carries_its_own_truth(rehearsal):
     assert len(places) > 10
 
 
-@pytest.mark.slow
 def test_the_people_stand_until_they_are_told_to_go(rehearsal):
     _, _, camera = rehearsal
     first = newest(camera)
@@ -264,7 +265,7 @@ def test_the_people_stand_until_they_are_told_to_go(rehearsal):
     until(lambda: newest(camera).truth.target_xy != first.truth.target_xy)
 
 
-@pytest.mark.slow
+@EXHAUSTIVE
 @pytest.mark.parametrize("fault", [Fault.FROZEN_CAMERA, Fault.SILENT])
 def test_a_camera_that_shows_nothing_new_is_gone_after_two_seconds(rehearsal, fault):
     _, profile, camera = rehearsal
@@ -274,7 +275,6 @@ def test_a_camera_that_shows_nothing_new_is_gone_after_two_seconds(rehearsal, fa
     assert took_s < 2.5
 
 
-@pytest.mark.slow
 def test_a_camera_whose_router_was_killed_is_gone_at_once(rehearsal):
     sitl, _, camera = rehearsal
     os.kill(sitl.pid, signal.SIGKILL)
@@ -283,7 +283,7 @@ def test_a_camera_whose_router_was_killed_is_gone_at_once(rehearsal):
     assert took_s < 0.2
 
 
-@pytest.mark.slow
+@EXHAUSTIVE
 def test_a_camera_can_be_closed_while_it_opens(rehearsal):
     _, profile, _ = rehearsal
 
@@ -301,7 +301,7 @@ def test_a_camera_can_be_closed_while_it_opens(rehearsal):
             opening.result(6.0)
 
 
-@pytest.mark.slow
+@EXHAUSTIVE
 def test_a_camera_that_is_never_closed_lets_the_interpreter_end(rehearsal):
     _, profile, _ = rehearsal
     forgetful = (

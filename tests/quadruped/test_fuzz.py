@@ -28,6 +28,7 @@ from adatracker_quadruped.sim.fuzz import payloads
 from tests.driving import engages
 from tests.quadruped.rehearsal import connected, memory_kb, moved, simulator
 from tests.quadruped.routers import until
+from tests.tiers import sampled
 
 pytestmark = pytest.mark.slow
 
@@ -61,7 +62,7 @@ def flood(session, key, good, pid):
     return grew_kb
 
 
-@pytest.mark.parametrize("inbound", ["command", "fault", "go"])
+@pytest.mark.parametrize("inbound", sampled(("command", "fault", "go"), everyday=("command",)))
 def test_the_robot_does_not_move_for_hostile_commands(inbound):
     with simulator() as (sitl, profile), connected(profile) as platform:
         keys, sitl_keys = Keys(profile.connection), SitlKeys(profile.connection)
@@ -74,7 +75,7 @@ def test_the_robot_does_not_move_for_hostile_commands(inbound):
         platform.send(ZERO, platform.clock.now_ns())
 
 
-@pytest.mark.parametrize("inbound", ["odometry", "imu", "battery"])
+@pytest.mark.parametrize("inbound", sampled(("odometry", "imu", "battery"), everyday=("battery",)))
 def test_the_host_lives_through_hostile_messages_from_the_robots_side(inbound):
     with simulator() as (_, profile), connected(profile) as platform:
         key = getattr(Keys(profile.connection), inbound)

@@ -13,6 +13,7 @@ from adatracker_quadruped.protocol.keys import Keys
 from adatracker_quadruped.protocol.messages import encode_twist
 from adatracker_quadruped.protocol.session import open_session
 from adatracker_quadruped.robot.walker import STOPS, Walker
+from tests.tiers import EXHAUSTIVE
 
 pytest.importorskip("cyclonedds", reason="the extra go2 is not installed")
 
@@ -88,6 +89,7 @@ def test_a_bare_go2_is_walked_and_heard_by_the_shipped_profile(go2):
     assert go2.moves.count(AHEAD) >= 10
 
 
+@EXHAUSTIVE
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "changes",

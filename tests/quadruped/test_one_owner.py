@@ -19,6 +19,9 @@ from tests.driving import engages, send_for
 from tests.quadruped.rehearsal import connected, simulator
 from tests.quadruped.routers import free_port, robot, until
 from tests.race import owners, race
+from tests.tiers import EXHAUSTIVE
+
+pytestmark = pytest.mark.slow
 
 TOKEN = "adatracker/host"
 
@@ -116,7 +119,6 @@ def test_a_claim_that_is_given_up_ends_at_once_and_leaves_nothing(seen):
     assert second.take()
 
 
-@pytest.mark.slow
 def test_a_second_owner_that_appears_while_walking_latches_and_an_engage_is_refused():
     with (
         simulator() as (_, profile),
@@ -140,7 +142,6 @@ def test_a_second_owner_that_appears_while_walking_latches_and_an_engage_is_refu
         until(lambda: engages(platform))
 
 
-@pytest.mark.slow
 def test_one_robot_has_one_adapter_on_a_machine_until_it_is_closed():
     with (
         simulator() as (_, profile),
@@ -153,8 +154,9 @@ def test_one_robot_has_one_adapter_on_a_machine_until_it_is_closed():
         second.connect()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("elsewhere", [(), ("--elsewhere",)], ids=["one machine", "two machines"])
+@pytest.mark.parametrize(
+    "elsewhere", [(), pytest.param(("--elsewhere",), marks=EXHAUSTIVE)], ids=["one machine", "two machines"]
+)
 def test_of_two_that_start_at_once_exactly_one_has_the_robot(elsewhere, measured, exhaustive):
     with simulator() as (_, profile):
         own = dataclasses.asdict(profile.connection)

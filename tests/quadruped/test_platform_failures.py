@@ -25,6 +25,7 @@ from tests.driving import engages, send_for
 from tests.other_machine import OfAnotherMachine
 from tests.quadruped.rehearsal import by_hand, connected, goes_wrong, moved, rehearsed, simulator, speed
 from tests.quadruped.routers import free_port, robot, until
+from tests.tiers import EXHAUSTIVE
 
 pytestmark = pytest.mark.slow
 
@@ -137,6 +138,7 @@ def test_the_preflight_refuses_a_robot_that_is_not_fit(fault, check):
             until(lambda: refused(platform) == [check])
 
 
+@EXHAUSTIVE
 def test_a_second_host_is_refused_until_the_first_has_left(monkeypatch):
     monkeypatch.setattr("adatracker_quadruped.adapter.transport.Claim", OfAnotherMachine)
     with simulator() as (_, profile):
@@ -155,6 +157,7 @@ def test_a_second_host_is_refused_until_the_first_has_left(monkeypatch):
 # On the way
 
 
+@EXHAUSTIVE
 def test_a_host_that_paused_does_not_set_a_robot_going_that_has_stopped_by_itself():
     with simulator() as (_, profile), connected(profile) as platform:
         platform.engage()
@@ -194,6 +197,7 @@ def test_a_killed_robot_is_noticed_within_a_fifth_of_a_second():
         stays_stopped(platform, "the robot is gone")
 
 
+@EXHAUSTIVE
 def test_a_frozen_robot_is_noticed_and_a_thawed_one_does_not_walk():
     with simulator() as (sitl, profile), connected(profile) as platform:
         platform.engage()
@@ -215,6 +219,7 @@ def test_a_frozen_robot_is_noticed_and_a_thawed_one_does_not_walk():
         walks_again(platform)
 
 
+@EXHAUSTIVE
 def test_a_disengaged_robot_stands_and_one_that_is_not_seen_to_stand_is_told():
     with simulator() as (sitl, profile), connected(profile) as platform:
         platform.engage()
@@ -250,6 +255,7 @@ def test_a_router_that_is_gone_and_comes_back_resumes_nothing():
         walks_again(platform)
 
 
+@EXHAUSTIVE
 @pytest.mark.parametrize("fault", [Fault.SILENT, Fault.FROZEN_ODOMETRY])
 def test_a_robot_that_tells_nothing_new_is_stopped(fault):
     with simulator() as (_, profile), connected(profile) as platform:

@@ -8,6 +8,7 @@ from adatracker_deploy.core.messages import Twist
 from adatracker_deploy.testing.conformance import PlatformConformance
 from adatracker_quadruped.platform import QuadrupedPlatform
 from tests.quadruped.rehearsal import rehearsed
+from tests.tiers import EXHAUSTIVE
 
 pytestmark = pytest.mark.slow
 
@@ -24,6 +25,7 @@ class TestQuadrupedInSitl(PlatformConformance):
     says = "adatracker_quadruped.protocol.publisher:Publisher.put"
 
 
+@EXHAUSTIVE
 class TestQuadrupedWithStampedCommandsOverRmwZenoh(TestQuadrupedInSitl):
     @pytest.fixture(scope="class")
     @classmethod
@@ -33,6 +35,7 @@ class TestQuadrupedWithStampedCommandsOverRmwZenoh(TestQuadrupedInSitl):
         )
 
 
+@EXHAUSTIVE
 class TestQuadrupedBySportRequests(TestQuadrupedInSitl):
     manual = SPORT
 

@@ -20,6 +20,7 @@ from adatracker_quadruped.protocol.keys import attachment, parse_attachment
 from adatracker_quadruped.protocol.messages import Imu, Malformed, Odometry
 from adatracker_quadruped.sim.fuzz import mutate
 from tests.quadruped import cdr
+from tests.tiers import EXHAUSTIVE
 
 WALK = Twist(vx=0.5, vy=-0.1, yaw_rate=0.3)
 VALID = {
@@ -55,6 +56,7 @@ def numbers(value):
     return numbers(astuple(value)) if not isinstance(value, CompressedImage) else [value.stamp_ns]
 
 
+@EXHAUSTIVE
 def test_a_hundred_thousand_payloads_raise_nothing_but_malformed_and_leave_no_memory_behind():
     dice = random.Random(20261121)
     decoders = list(VALID.items())

@@ -18,6 +18,8 @@ from adatracker_quadruped.protocol.connection import Connection
 from adatracker_quadruped.protocol.session import open_session, zenoh_config
 from tests.quadruped.routers import arrives, free_port, latest, publisher_of, robot, until
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def connection():

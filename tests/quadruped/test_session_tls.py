@@ -11,6 +11,8 @@ from adatracker_quadruped.protocol.session import open_session
 from tests.quadruped.certificates import issue
 from tests.quadruped.routers import arrives, free_port, latest, publisher_of, robot
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def certificates(tmp_path_factory):

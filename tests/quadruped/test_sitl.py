@@ -20,6 +20,7 @@ from adatracker_quadruped.protocol.session import open_session
 from tests.driving import send_for
 from tests.quadruped.rehearsal import by_hand, connected, rehearsed, simulator, speed
 from tests.quadruped.routers import free_port, until
+from tests.tiers import EXHAUSTIVE
 
 pytestmark = pytest.mark.slow
 
@@ -108,6 +109,7 @@ def test_it_tells_of_itself_at_the_rates_of_its_settings():
         assert 65 < rates_hz["imu"] < 102
 
 
+@EXHAUSTIVE
 def test_it_ends_with_its_lifeline_at_once_when_it_stands_and_after_a_stop_when_it_walks():
     with simulator() as (sitl, profile):
         begin = time.monotonic()

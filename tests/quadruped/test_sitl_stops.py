@@ -19,6 +19,7 @@ from adatracker_quadruped.protocol.messages import decode_odometry
 from adatracker_quadruped.protocol.session import open_session
 from tests.quadruped.rehearsal import simulator
 from tests.quadruped.routers import until
+from tests.tiers import EXHAUSTIVE
 
 pytestmark = pytest.mark.slow
 
@@ -70,10 +71,10 @@ class Onlooker:
 @pytest.mark.parametrize(
     ("ending", "end", "begins_m_s", "within_s"),
     [
-        ("raise", None, None, 1.3),
-        ("forget", None, None, 1.3),
-        ("drive", signal.SIGINT, 0.9, 1.3),
-        ("drive", signal.SIGTERM, 0.9, 1.3),
+        pytest.param("raise", None, None, 1.3, marks=EXHAUSTIVE),
+        pytest.param("forget", None, None, 1.3, marks=EXHAUSTIVE),
+        pytest.param("drive", signal.SIGINT, 0.9, 1.3, marks=EXHAUSTIVE),
+        pytest.param("drive", signal.SIGTERM, 0.9, 1.3, marks=EXHAUSTIVE),
         ("drive", signal.SIGKILL, 0.9, 1.3),
         ("drive", signal.SIGSTOP, 0.9, 0.5 + 1.3),
     ],
@@ -100,6 +101,7 @@ def test_a_host_that_ends_in_whatever_way_leaves_a_standing_robot(ending, end, b
                 assert process.wait(3.0) == {"raise": 1, "forget": 0}.get(ending, -(end or 0))
 
 
+@EXHAUSTIVE
 def test_a_frozen_hosts_backlog_moves_nothing():
     with simulator() as (_, profile), open_session(profile.connection) as session:
         onlooker = Onlooker(session)
@@ -116,6 +118,7 @@ def test_a_frozen_hosts_backlog_moves_nothing():
             print(f"host thawed: went {start.distance_to(onlooker.pose.x, onlooker.pose.y):.2f} m")
 
 
+@EXHAUSTIVE
 def test_a_thawed_robots_backlog_moves_nothing():
     with simulator() as (sitl, profile), open_session(profile.connection) as session:
         onlooker, clock = Onlooker(session), MonotonicClock()

@@ -17,6 +17,7 @@ from tests.driving import send_for
 from tests.quadruped import cdr
 from tests.quadruped.rehearsal import connected, goes_wrong, rehearsed, simulator
 from tests.quadruped.routers import until
+from tests.tiers import EXHAUSTIVE
 
 STATE, LOW = cdr.LAYOUTS["SportModeState"], cdr.LAYOUTS["LowState"]
 QUATERNION, GYRO, FORCE, POSITION, VELOCITY, YAW_SPEED = 3, 7, 10, 21, 25, 28
@@ -124,6 +125,7 @@ def test_the_keys_of_rmw_zenoh_name_unitrees_types():
     assert keys.battery.startswith("0/lf/lowstate/unitree_go::msg::dds_::LowState_/")
 
 
+@EXHAUSTIVE
 @pytest.mark.slow
 def test_a_robot_that_tells_only_unitrees_messages_is_rehearsed():
     telling = rehearsed(

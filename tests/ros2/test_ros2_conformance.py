@@ -5,6 +5,8 @@ from typing import ClassVar
 
 import pytest
 
+from tests.tiers import EXHAUSTIVE
+
 pytest.importorskip("rclpy", reason="ROS 2 is not installed: pip install 'adatracker-deploy[ros2]'")
 from rclpy.serialization import serialize_message
 
@@ -45,6 +47,7 @@ class TestRos2InSitl(PlatformConformance):
         )
 
 
+@EXHAUSTIVE
 class TestAManagedNodeInANamespaceThatTakesTwistStamped(TestRos2InSitl):
     @pytest.fixture(scope="class")
     @classmethod

@@ -8,6 +8,8 @@ import time
 
 import pytest
 
+from tests.tiers import EXHAUSTIVE
+
 pytest.importorskip("rclpy", reason="ROS 2 is not installed: pip install 'adatracker-deploy[ros2]'")
 
 from adatracker_deploy.core.errors import PlatformError
@@ -97,6 +99,7 @@ wire.close()
 NEWCOMERS, SEEN_S = 12, 1.0
 
 
+@EXHAUSTIVE
 def test_every_newcomer_is_seen_at_once_and_not_at_its_next_announcement(robot):
     """With Fast DDS's own period of 3 s about one in three is seen after 2.9 s."""
     connection = json.dumps(dataclasses.asdict(robot.connection))
@@ -120,7 +123,11 @@ def test_another_program_on_this_machine_cannot_have_the_same_robot(robot):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("elsewhere", [(), ("--elsewhere",)], ids=["one machine", "two machines"])
+@pytest.mark.parametrize(
+    "elsewhere",
+    [(), pytest.param(("--elsewhere",), marks=EXHAUSTIVE)],
+    ids=["one machine", "two machines"],
+)
 def test_of_two_that_start_at_once_never_both_have_the_robot(robot, elsewhere, measured, exhaustive):
     own = dataclasses.asdict(robot.connection)
     connection = {name: own[name] for name in ("domain", "discovery", "rehearsal_token")}

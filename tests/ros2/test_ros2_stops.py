@@ -10,6 +10,8 @@ import time
 
 import pytest
 
+from tests.tiers import EXHAUSTIVE
+
 pytest.importorskip("rclpy", reason="ROS 2 is not installed: pip install 'adatracker-deploy[ros2]'")
 
 from tests.e2e.conftest import started
@@ -76,6 +78,7 @@ def test_ctrl_c_while_it_drives(drive, robot, measured):
     assert "stopped by the operator" in summary["reason"]
 
 
+@EXHAUSTIVE
 def test_ctrl_c_while_it_stops_changes_nothing_about_its_end(drive, robot, measured):
     struck_s, said, status = interrupt_at(drive("--steps", "100"), "; stopping")
     assert "completed; stopping" in said, said
@@ -87,11 +90,13 @@ def test_ctrl_c_while_it_stops_changes_nothing_about_its_end(drive, robot, measu
     assert robot.watcher.samples[-1].speed_m_s < STILL_M_S
 
 
+@EXHAUSTIVE
 def test_a_tracker_that_dies(drive, robot, measured):
     run = drive("--steps", "2000")
     strike(measured, robot, "tracker, SIGKILL", lambda: os.kill(run.pid, signal.SIGKILL), TOLD_S)
 
 
+@EXHAUSTIVE
 def test_a_link_that_dies_leaves_it_to_the_robots_own_time_out(drive, robot, measured):
     run = drive("--steps", "2000", "--json")
     strike(measured, robot, "link, SIGKILL", lambda: os.kill(run.link_pid(), signal.SIGKILL), ROBOTS_OWN_S)
@@ -100,6 +105,7 @@ def test_a_link_that_dies_leaves_it_to_the_robots_own_time_out(drive, robot, mea
     assert "link" in summary["reason"]
 
 
+@EXHAUSTIVE
 def test_a_suspended_link_and_its_return(drive, robot, measured):
     run = drive("--steps", "2000", "--json")
     link = None
@@ -118,6 +124,7 @@ def test_a_suspended_link_and_its_return(drive, robot, measured):
     assert summary["reason"]
 
 
+@EXHAUSTIVE
 def test_a_suspended_tracker_and_its_return(drive, robot, measured):
     run = drive("--steps", "2000", "--json")
     strike(measured, robot, "tracker, SIGSTOP", lambda: os.kill(run.pid, signal.SIGSTOP), TOLD_S)
@@ -127,6 +134,7 @@ def test_a_suspended_tracker_and_its_return(drive, robot, measured):
     assert status == 1, err
 
 
+@EXHAUSTIVE
 def test_a_robot_that_froze_moves_nothing_when_it_thaws(drive, robot, measured):
     run = drive("--steps", "2000", "--json")
     robot.watcher.wait_until_cruising(CRUISE_M_S)
@@ -141,6 +149,7 @@ def test_a_robot_that_froze_moves_nothing_when_it_thaws(drive, robot, measured):
     assert halted_s < LEASE_S
 
 
+@EXHAUSTIVE
 def test_a_robot_that_dies_ends_the_run_with_a_sentence(drive, robot):
     run = drive("--steps", "2000", "--json")
     robot.watcher.wait_until_cruising(CRUISE_M_S)

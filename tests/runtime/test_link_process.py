@@ -18,6 +18,9 @@ from adatracker_deploy.core.messages import Twist
 from adatracker_deploy.runtime.link import Phase
 from adatracker_deploy.runtime.link_process import LinkProcess
 from adatracker_deploy.testing.fake import FakeConnection, FakePlatform, fake_profile
+from tests.tiers import EXHAUSTIVE
+
+pytestmark = pytest.mark.slow
 
 TIMEOUT_S = 30.0
 
@@ -156,6 +159,7 @@ def test_a_killed_tracker_takes_the_link_with_it_only_after_the_robot_is_at_rest
     eventually(lambda: not Path(f"/proc/{link_pid}").exists(), "the link ends")
 
 
+@EXHAUSTIVE
 def test_a_link_that_hangs_is_noticed_and_not_waited_for(clock):
     link = LinkProcess(FakePlatform, fake_profile(), clock)
     link.connect()

@@ -31,6 +31,8 @@ from adatracker_deploy.runtime.loop import BLIND_S, Ending, Loop
 from tests.policy.servers import MANIFEST, asking, saying, serving
 from tests.tiers import EXHAUSTIVE
 
+pytestmark = pytest.mark.slow
+
 
 def profiles(everyday):
     """Take each robot's limits, on each run this one's; each robot has a run of its own in this file."""
@@ -153,6 +155,7 @@ def test_a_delay_of_300_ms_stops_the_robot_and_then_the_trial(name, measured):
     assert "the policy is late" in robot.ending.reason
 
 
+@EXHAUSTIVE
 @pytest.mark.parametrize("name", profiles("go2"))
 def test_with_a_fifth_of_the_answers_dropped_it_follows_on_what_is_fresh_and_nothing_else(name, measured):
     def dropping(message, number):

@@ -14,6 +14,8 @@ from adatracker_deploy.runtime.link_process import LinkProcess
 from adatracker_deploy.runtime.service_watchdog import PERIOD_VARIABLE, SOCKET_VARIABLE, ServiceWatchdog
 from adatracker_deploy.testing.fake import FakePlatform, fake_profile
 
+pytestmark = pytest.mark.slow
+
 PERIOD_US = 400_000
 BEGUN = f"READY=1\nWATCHDOG_USEC={PERIOD_US}\nWATCHDOG=1"
 

@@ -16,6 +16,9 @@ from adatracker_deploy.sim.bodies import KinematicBody
 from adatracker_deploy.testing import fake
 from adatracker_deploy.testing.conformance import STOPS, PlatformConformance
 from adatracker_deploy.testing.fake import FakeConnection, FakePlatform, FakeSimulator, fake_profile
+from tests.tiers import EXHAUSTIVE
+
+pytestmark = pytest.mark.slow
 
 
 class MovesBeforeEngage(FakePlatform):
@@ -140,7 +143,9 @@ def engaged(mutant):
         (ForgetsItsStop, "test_hold_latches_until_an_explicit_engage", engaged),
         (NeverTimesOut, "test_a_silent_sender_is_stopped_by_the_robots_own_time_out", engaged),
         (BlocksInState, "test_state_never_blocks_and_tells_its_age", engaged),
-        (HoldsItsLockWhileItSends, "test_state_never_blocks_and_tells_its_age", engaged),
+        pytest.param(
+            HoldsItsLockWhileItSends, "test_state_never_blocks_and_tells_its_age", engaged, marks=EXHAUSTIVE
+        ),
         (CannotBeStoppedTwice, "test_an_engaged_robot_can_be_stopped_in_any_order_and_twice", engaged),
     ],
     ids=lambda value: getattr(value, "__name__", ""),

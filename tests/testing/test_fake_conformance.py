@@ -10,6 +10,8 @@ from adatracker_deploy.core.messages import ZERO, Twist
 from adatracker_deploy.testing.conformance import PlatformConformance
 from adatracker_deploy.testing.fake import FakeConnection, FakePlatform, fake_profile
 
+pytestmark = pytest.mark.slow
+
 
 class TestFakePlatform(PlatformConformance):
     platform_class = FakePlatform

@@ -27,6 +27,8 @@ pytest.importorskip("websockets", reason="needs the extra 'live'")
 
 from tests.trial.viewer import Viewer
 
+pytestmark = pytest.mark.slow
+
 TOPICS = {"/step", "/command", "/camera", "/mask", "/box", "/pose", "/log"}
 
 

@@ -21,6 +21,8 @@ from adatracker_deploy.trial.reader import read_trial
 from tests.page.browsing import Browser
 from tests.trial.records import REFERENCE, a_log, a_step
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 
 

@@ -26,6 +26,7 @@ from adatracker_deploy.trial import writer
 from adatracker_deploy.trial.ipc import LogLine, Start, Step
 from adatracker_deploy.trial.reader import read_trial
 from adatracker_deploy.trial.salvage import salvage
+from tests.tiers import EXHAUSTIVE
 from tests.trial.records import a_frame, a_log, a_step, an_observation
 
 METADATA = {
@@ -122,6 +123,7 @@ def mounted(image, at):
         run("umount", str(at))
 
 
+@EXHAUSTIVE
 @pytest.mark.slow
 @pytest.mark.skipif(os.geteuid() != 0, reason="mounting needs root")
 @pytest.mark.skipif(not shutil.which("mkfs.ext4"), reason="needs mkfs.ext4")

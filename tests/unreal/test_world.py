@@ -32,7 +32,10 @@ from adatracker_deploy.sim.rehearsal import Rehearsal
 from adatracker_deploy.sim.studio import Studio, View
 from adatracker_deploy.sim.world import World
 from adatracker_deploy.sim.worlds import open_world
+from tests.tiers import EXHAUSTIVE
 from tests.unreal.server import RADIUS_M, TARGET, Game, Server
+
+pytestmark = pytest.mark.slow
 
 ROUNDING_M = 2e-5
 """The engine prints hundredths of a millimetre."""
@@ -51,6 +54,7 @@ def follow(spec, steps):
             return
 
 
+@EXHAUSTIVE
 @pytest.mark.parametrize("condition", ["clean", "field"])
 def test_the_grid_plays_with_the_built_in_worlds_poses_and_masks(serve, condition):
     plan = Grid(policies=("pid",), condition=condition, episodes=1, steps=4).plan()
@@ -73,6 +77,7 @@ def test_the_grid_plays_with_the_built_in_worlds_poses_and_masks(serve, conditio
             assert server.game.speeds[TARGET] == pytest.approx(100 * spec.target_speed_m_s)
 
 
+@EXHAUSTIVE
 def test_evaluate_plays_the_grid_through_a_server(serve, capsys):
     plan = Grid(policies=("pid",), episodes=1, steps=2).plan()
     server = serve(episode.spec.world() for episode in plan)

@@ -9,6 +9,8 @@ from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.messages import ZERO, Twist
 from tests.driving import Engaging, Sleepy, send_for
 
+pytestmark = pytest.mark.slow
+
 AHEAD = Twist(vx=0.5)
 STOPS = {
     "hold": lambda platform: platform.hold("the test says so"),

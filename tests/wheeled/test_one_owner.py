@@ -22,6 +22,8 @@ from tests.driving import Engaging, send_for
 from tests.other_machine import OfAnotherMachine
 from tests.race import owners, race
 
+pytestmark = pytest.mark.slow
+
 AHEAD = Twist(vx=0.5)
 THEIRS = (0x111, bytes.fromhex("0100 0000 0000 0000"))
 COMMANDS = "somebody else on the bus commands the base"
@@ -278,7 +280,6 @@ def test_of_two_on_one_bus_without_a_machine_in_common_never_both_drive(monkeypa
             assert sum(platform.state().engaged for platform in both) <= 1
 
 
-@pytest.mark.slow
 def test_of_two_that_start_at_once_exactly_one_has_the_base(measured, exhaustive):
     profile, clock = base_profile(), MonotonicClock()
     simulator, ended = Simulator(profile.connection.roles, profile.sitl, Scenario(), clock), threading.Event()

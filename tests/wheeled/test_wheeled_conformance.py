@@ -11,6 +11,7 @@ from adatracker_deploy.core.messages import Twist
 from adatracker_deploy.registry import load_profile
 from adatracker_deploy.testing.conformance import PlatformConformance
 from adatracker_wheeled.platform import WheeledPlatform
+from tests.tiers import EXHAUSTIVE
 
 
 class OnAVirtualBus(WheeledPlatform):
@@ -45,6 +46,7 @@ ODRIVE = {
 """Set_Input_Vel of nodes 0 (left) and 1 (right): turns/s as IEEE 754, little-endian."""
 
 
+@EXHAUSTIVE
 class TestScoutOnAVirtualBus(OnCan):
     platform_class = OnAVirtualBus
     clock_speed = 5.0
@@ -56,6 +58,7 @@ class TestScoutOnAVirtualBus(OnCan):
         return base_profile()
 
 
+@EXHAUSTIVE
 class TestOdriveOnAVirtualBus(TestScoutOnAVirtualBus):
     manual = ODRIVE
 
@@ -65,6 +68,7 @@ class TestOdriveOnAVirtualBus(TestScoutOnAVirtualBus):
         return base_profile("odrive_diff")
 
 
+@EXHAUSTIVE
 class TestScoutV1OnAVirtualBus(TestScoutOnAVirtualBus):
     manual = V1
 

@@ -21,6 +21,9 @@ from adatracker_wheeled.sim.simulator import Simulator
 from adatracker_wheeled.sim.socketcand import SocketcandServer
 from tests.driving import send_for
 from tests.kept import blocks_in_use
+from tests.tiers import EXHAUSTIVE, sampled
+
+pytestmark = pytest.mark.slow
 
 AHEAD = Twist(vx=0.5)
 
@@ -101,7 +104,7 @@ FAILURES = {
 """What is said, and within how many seconds: the message's period or time-out, and slack."""
 
 
-@pytest.mark.parametrize("fault", FAILURES)
+@pytest.mark.parametrize("fault", sampled(FAILURES, everyday=("silence",)))
 def test_a_failing_base_is_stopped_and_stays_so_until_an_explicit_engage(fault):
     said, within_s = FAILURES[fault]
     with tapped() as (platform, simulator, tap):
@@ -352,6 +355,7 @@ def test_a_lost_bus_makes_disengage_say_so_once_and_close_still_works():
 # Hostile frames
 
 
+@EXHAUSTIVE
 @pytest.mark.parametrize("name", ["scout", "odrive_diff"])
 def test_a_hundred_thousand_hostile_frames_move_nothing_and_fill_nothing(name):
     profile, noise = base_profile(name), random.Random(3)

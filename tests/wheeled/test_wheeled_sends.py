@@ -11,6 +11,8 @@ from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.messages import Twist
 from tests.driving import send_for
 
+pytestmark = pytest.mark.slow
+
 AHEAD = Twist(vx=0.5)
 BRAKE_RELEASE = (0x131, b"\x00")
 

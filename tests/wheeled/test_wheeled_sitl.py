@@ -27,6 +27,7 @@ from adatracker_wheeled.sim.faults import injection
 from adatracker_wheeled.sim.sitl import WheeledSitl, main
 from tests.by_hand import simulator_by_hand
 from tests.driving import send_for
+from tests.tiers import EXHAUSTIVE, sampled
 
 pytestmark = pytest.mark.slow
 
@@ -92,6 +93,7 @@ def test_a_rehearsal_starts_soon_and_prints_nothing(capfd):
     assert took["engaged"] < 6.0
 
 
+@EXHAUSTIVE
 def test_the_camera_shows_what_the_base_does_and_go_lets_the_person_walk():
     with rehearsal() as (_, profile, clock):
         camera = open_source(profile.camera.uri, clock)
@@ -114,6 +116,7 @@ def test_the_camera_shows_what_the_base_does_and_go_lets_the_person_walk():
             camera.close()
 
 
+@EXHAUSTIVE
 def test_odometry_drifts_from_the_truth_by_the_slip():
     scout = load_profile("scout", WheeledPlatform)
     slippery = dataclasses.replace(scout, sitl=dataclasses.replace(scout.sitl, slip=0.2))
@@ -163,7 +166,7 @@ def test_a_stranger_drives_it_with_python_can_alone():
             assert 0.5 < stopped_s < 1.2
 
 
-@pytest.mark.parametrize("fault", ["remote", "emergency_stop", "silence"])
+@pytest.mark.parametrize("fault", sampled(("remote", "emergency_stop", "silence"), everyday=("remote",)))
 def test_faults_are_injected_over_the_bus(fault):
     with (
         rehearsal() as (_, profile, clock),
@@ -230,7 +233,9 @@ with WheeledPlatform(dataclasses.replace(profile, connection=connection), clock)
 """
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP, signal.SIGINT])
+@pytest.mark.parametrize(
+    "number", sampled((signal.SIGKILL, signal.SIGSTOP, signal.SIGINT), everyday=(signal.SIGKILL,))
+)
 def test_the_base_stops_whatever_happens_to_the_process_that_drives_it(number):
     with (
         rehearsal() as (_, profile, _),
@@ -266,6 +271,7 @@ def test_it_outlives_its_lifeline_until_the_base_stands():
             assert not closing.is_alive()
 
 
+@EXHAUSTIVE
 def test_time_runs_as_fast_as_the_shared_clock():
     with rehearsal(speed=3.0) as (_, profile, clock), engaged(profile, clock) as platform:
         send_for(platform, AHEAD, 2.0)

@@ -18,6 +18,7 @@ from adatracker_deploy.learning.data.shard import read_shard, unpack_masks
 from adatracker_deploy.learning.seeds import TRAINING
 from adatracker_deploy.learning.tracking import Tracking
 from tests.learning.data import tiny
+from tests.tiers import EXHAUSTIVE
 
 SHARD = 80
 
@@ -53,6 +54,7 @@ def test_two_workers_leave_the_same_files_as_one(tmp_path):
     assert contents(tmp_path / "one") == contents(tmp_path / "two")
 
 
+@EXHAUSTIVE
 def test_a_ray_cluster_leaves_the_same_files(tmp_path):
     collect(tiny.recipe(), tmp_path / "one", seed=1)
     collect(tiny.recipe(), tmp_path / "ray", seed=1, ray="local")

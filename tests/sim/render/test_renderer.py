@@ -14,6 +14,7 @@ from adatracker_deploy.core.messages import MaskClass
 from adatracker_deploy.sim import World, scene_names
 from adatracker_deploy.sim.render import renderer
 from adatracker_deploy.sim.render.figure import shipped_people
+from tests.tiers import EXHAUSTIVE
 
 pytest.importorskip("panda3d", reason="needs the extra 'world'")
 
@@ -80,6 +81,7 @@ def test_the_same_seed_shows_the_same_and_another_somebody_else():
     assert not np.array_equal(first[1], third[1])
 
 
+@EXHAUSTIVE
 def test_where_two_surfaces_are_equally_far_the_same_one_is_seen_each_time():
     """By Panda3D's own order of drawing, by address, pictures differed in one to three pixels of an edge."""
     for seed in range(20):

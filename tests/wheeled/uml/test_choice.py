@@ -7,6 +7,7 @@ import sys
 
 import pytest
 
+from tests.tiers import EXHAUSTIVE
 from tests.wheeled.uml import launcher
 from tests.wheeled.uml.choice import NoRoomError, find_room
 from tests.wheeled.uml.interfaces import IFF_UP
@@ -21,6 +22,7 @@ def test_a_machine_with_neither_is_told_what_to_install(monkeypatch, tmp_path):
         find_room()
 
 
+@EXHAUSTIVE
 @pytest.mark.skipif(
     launcher.kernel() is None, reason="user-mode Linux is not installed, or cannot run on this processor"
 )

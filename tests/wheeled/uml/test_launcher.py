@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.tiers import EXHAUSTIVE
 from tests.wheeled.uml import launcher
 from tests.wheeled.uml.room import ROOT, TIMED_OUT
 
@@ -51,21 +52,25 @@ def test_output_and_exit_status_come_back_from_another_kernel():
     assert ended.status == 7
 
 
+@EXHAUSTIVE
 def test_a_command_killed_by_a_signal_is_told_as_a_shell_tells_it():
     ended = launcher.run(["sh", "-c", "kill -9 $$"], limit_s=30.0)
     assert ended.status == 128 + signal.SIGKILL
 
 
+@EXHAUSTIVE
 def test_more_output_than_any_buffer_holds_comes_back_byte_for_byte():
     ended = launcher.run([sys.executable, "-c", "print('a line\\n' * 40_000, end='')"], limit_s=60.0)
     assert ended.output == "a line\n" * 40_000
 
 
+@EXHAUSTIVE
 def test_arguments_keep_their_spaces_and_quotes():
     ended = launcher.run(["printf", "%s|", "two words", '"', "'", "--", "a=b"], limit_s=30.0)
     assert ended.output == "two words|\"|'|--|a=b|"
 
 
+@EXHAUSTIVE
 def test_a_command_that_does_not_end_is_ended_at_the_limit_and_its_output_kept():
     ended = launcher.run(["sh", "-c", "echo begun; sleep 600"], limit_s=1.0)
     assert (ended.status, ended.output) == (TIMED_OUT, "begun\n")
@@ -78,6 +83,7 @@ def test_the_guest_cannot_write_to_the_host(tmp_path):
     assert not (tmp_path / "written").exists()
 
 
+@EXHAUSTIVE
 def test_a_kernel_that_hangs_is_ended_and_one_that_cannot_start_a_command_says_why(monkeypatch):
     with pytest.raises(launcher.BootError, match="no-such-program"):
         launcher.run(["no-such-program"], limit_s=30.0)
@@ -86,6 +92,7 @@ def test_a_kernel_that_hangs_is_ended_and_one_that_cannot_start_a_command_says_w
         launcher.run(["true"], limit_s=0.3)
 
 
+@EXHAUSTIVE
 def test_the_guest_ends_by_itself_when_its_launcher_is_killed(folder):
     program = "from tests.wheeled.uml.launcher import run; run(['sleep', '600'], limit_s=1.0)"
     environment = {**os.environ, "TMPDIR": str(folder)}
