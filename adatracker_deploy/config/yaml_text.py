@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.errors import UsageError, line_of
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
@@ -69,7 +69,7 @@ def parse_yaml(data: bytes, *, where: str) -> Any:
         _check(text)
         return yaml.load(text, Loader=_StrictLoader)
     except (yaml.YAMLError, ValueError) as error:  # ValueError: no date, or a number of thousands of digits
-        raise UsageError(f"{where}: not valid YAML: {' '.join(str(error).split())}") from error
+        raise UsageError(f"{where}: not valid YAML: {line_of(error)}") from error
 
 
 def _check(text: str) -> None:

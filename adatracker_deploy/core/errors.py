@@ -9,3 +9,17 @@ class UsageError(Exception):
 
 class PlatformError(Exception):
     """The robot cannot do what was requested. One line that a person can act on; exit status 1."""
+
+
+_TRACEBACK = "Traceback (most recent call last)"
+
+
+def line_of(error: BaseException, most: int = 300) -> str:
+    """Return another library's error as one line, to put into a sentence of ours.
+
+    It is the error's text, of at most `most` characters, without line breaks and without the traceback that
+    some libraries add to it; where it has no text, the error's type.
+    """
+    text = getattr(error, "strerror", None) or str(error)
+    line = " ".join(str(text).partition(_TRACEBACK)[0].split())
+    return line[:most].rstrip(". ") or type(error).__name__

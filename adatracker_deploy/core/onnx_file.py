@@ -11,7 +11,7 @@ from typing import Any
 import onnx
 from google.protobuf.message import DecodeError, Message
 
-from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.errors import UsageError, line_of
 
 OWN_DOMAINS = ("", "ai.onnx")
 """The two spellings of ONNX's own operator domain."""
@@ -31,7 +31,7 @@ def read_model(data: bytes, *, where: str) -> Any:
     try:
         model = onnx.load_model_from_string(data)
     except DecodeError as error:
-        raise UsageError(f"{where}: is not an ONNX model: {error}") from error
+        raise UsageError(f"{where}: is not an ONNX model: {line_of(error)}") from error
     return model
 
 

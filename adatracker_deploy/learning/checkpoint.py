@@ -17,7 +17,7 @@ import torch
 from torch import nn
 
 from adatracker_deploy.config.schema import Range, parse
-from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.errors import UsageError, line_of
 from adatracker_deploy.learning.networks import (
     AdaTrackerConfig,
     ContextEncoder,
@@ -185,8 +185,7 @@ def _fill(module: nn.Module, state_dict: dict[str, Any], path: Path) -> None:
     try:
         module.load_state_dict(state_dict)
     except (RuntimeError, TypeError) as error:
-        reason = " ".join(str(error).split())
-        raise UsageError(f"{path}: the weights do not fit: {reason[:300]}") from error
+        raise UsageError(f"{path}: the weights do not fit: {line_of(error)}") from error
     if not all(bool(weight.isfinite().all()) for weight in module.parameters()):
         raise UsageError(f"{path}: some weights are not finite: its training diverged; take an earlier one")
     module.eval()

@@ -7,7 +7,7 @@ from collections import deque
 from dataclasses import replace
 from typing import TYPE_CHECKING, Self
 
-from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.errors import PlatformError, line_of
 from adatracker_deploy.core.messages import Seen
 from adatracker_deploy.core.sight import judged
 from adatracker_deploy.perception.segmenter import check_observation
@@ -137,7 +137,7 @@ class Perception:
         except PlatformError as error:  # raised at the next call
             self._error = error
         except BaseException as error:  # a fault of ours or a model's, sys.exit too: the robot stops
-            self._error = PlatformError(f"perception: {type(error).__name__}: {error}")
+            self._error = PlatformError(f"perception: {type(error).__name__}: {line_of(error)}")
             self._error.__cause__ = error
         finally:
             self._look(False)

@@ -10,7 +10,7 @@ import math
 import threading
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.errors import PlatformError, line_of
 from adatracker_deploy.perception.jpeg import developed
 from adatracker_deploy.sim.filming import DrawingProcess, film
 from adatracker_deploy.sim.studio import View
@@ -85,8 +85,7 @@ class WorldCamera:
             drawing = DrawingProcess(self._scenario, fov_rad, own_frame=True)
             film(drawing, self._view, self._clock, self._rate_hz, self._keep, ended=self._ended)
         except Exception as error:  # raised by the next read
-            reason = str(error) or type(error).__name__
-            self._error = PlatformError(f"the virtual world cannot be drawn: {reason}")
+            self._error = PlatformError(f"the virtual world cannot be drawn: {line_of(error)}")
 
     def _view(self, now_ns: int) -> View | None:
         robot = self._pose() if self._watched else None

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 from adatracker_deploy.config.limits import Limits
-from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.errors import PlatformError, line_of
 from adatracker_deploy.core.messages import ZERO, PlatformState, Twist
 from adatracker_deploy.platform import Platform
 from adatracker_deploy.runtime.gate import (
@@ -153,7 +153,9 @@ class Link:
         try:
             self._platform.record(folder)
         except Exception as error:  # no log is worth a robot's link
-            self.note("warning", f"the wire's traffic is not logged: {type(error).__name__}: {error}")
+            self.note(
+                "warning", f"the wire's traffic is not logged: {type(error).__name__}: {line_of(error)}"
+            )
 
     def step(self, now_ns: int) -> LinkStatus:
         """Run one 50 Hz step at `now_ns`; return the new status."""
@@ -304,7 +306,7 @@ class Link:
         except PlatformError as error:
             reason = str(error)
         except Exception as error:  # an adapter's bug must still lead to a stop
-            reason = f"{type(error).__name__}: {error}"
+            reason = f"{type(error).__name__}: {line_of(error)}"
         else:
             return None
         self.note("error", f"{what}: {reason}")

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from adatracker_deploy.config.limits import Limits
-from adatracker_deploy.core.errors import PlatformError, UsageError
+from adatracker_deploy.core.errors import PlatformError, UsageError, line_of
 from adatracker_deploy.core.messages import Twist
 from adatracker_deploy.platform import Check, Platform
 from adatracker_deploy.runtime.black_box import BlackBox
@@ -314,7 +314,7 @@ def _serve(
         try:
             status = link.step(tick.t_ns)
         except Exception as error:  # whatever fails here, the robot must be brought to rest
-            link.note("error", f"link: {type(error).__name__}: {error}")
+            link.note("error", f"link: {type(error).__name__}: {line_of(error)}")
             link.disengage("link_fault")
             status = link.status
         tell(status)

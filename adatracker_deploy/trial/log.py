@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 import numpy as np
 import yaml
 
-from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.errors import UsageError, line_of
 from adatracker_deploy.core.messages import Click
 from adatracker_deploy.trial.folder import (
     CONFIG_NAME,
@@ -170,7 +170,7 @@ class TrialLog:
                 self._free.append(place.slot)
                 self.frames_dropped += 1
         except Exception as error:  # nothing that goes wrong with writing down may stop a robot's control
-            self._trouble = self._trouble or f"a tick could not be logged: {error}"
+            self._trouble = self._trouble or f"a tick could not be logged: {line_of(error)}"
             self.dropped += 1
 
     def look(self, frame: Frame, observation: Observation, t_ns: int) -> None:
@@ -260,7 +260,7 @@ class TrialLog:
         except ValueError as error:
             self._free.append(slot)
             self.frames_dropped += 1
-            self._trouble = self._trouble or f"a frame could not be logged: {error}"
+            self._trouble = self._trouble or f"a frame could not be logged: {line_of(error)}"
             return None
 
     def _content(self, frame: Frame) -> NDArray[np.uint8]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 import yaml
 
 from adatracker_deploy.config.schema import Range, parse
-from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.errors import UsageError, line_of
 from adatracker_deploy.trial.folder import sync_folder, write_file
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ def read_marks(log: Path) -> tuple[Mark, ...]:
     try:
         document = yaml.safe_load(data)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise UsageError(f"{path}: not valid YAML: {' '.join(str(error).split())}") from error
+        raise UsageError(f"{path}: not valid YAML: {line_of(error)}") from error
     try:
         return parse(_Document, document, where=str(path)).marks
     except UsageError as error:

@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import cv2
 
-from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.errors import UsageError, line_of
 from adatracker_deploy.trial.channels import Encoder
 from adatracker_deploy.trial.folder import sync_folder
 from adatracker_deploy.trial.ipc import (
@@ -190,7 +190,7 @@ class TrialWriter:
                 case End(summary_json):
                     self._summary_json = summary_json
         except (TypeError, ValueError, cv2.error) as error:
-            self._tell(LogFailed(f"a tick could not be logged: {error}"))
+            self._tell(LogFailed(f"a tick could not be logged: {line_of(error)}"))
         return []
 
     def _encode_picture(self, message: Step | Look) -> list[Message]:
@@ -212,7 +212,7 @@ class TrialWriter:
         except Exception as error:  # whatever becomes of the view, the log goes on
             self._view.close()
             self._view = None
-            text = f"the live view has ended: {error}"
+            text = f"the live view has ended: {line_of(error)}"
             self._trial.write(self._encoder.event(time.time_ns(), "warning", text))
 
     def _show_page(self, message: Step | Look | LogLine | End, messages: list[Message]) -> None:

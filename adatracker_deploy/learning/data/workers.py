@@ -10,7 +10,7 @@ import socket
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, as_completed, wait
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.errors import UsageError, line_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -79,7 +79,7 @@ def on_ray(work: Callable[..., Result], jobs: Sequence[tuple[Any, ...]], address
     try:
         ray.init(address, logging_level=logging.ERROR, **(here if address == "local" else {}))
     except (ConnectionError, ValueError, RuntimeError) as error:
-        raise UsageError(f"--ray {address}: no cluster answers: {str(error).splitlines()[0]}") from error
+        raise UsageError(f"--ray {address}: no cluster answers: {line_of(error)}") from error
     try:
         task = ray.remote(work)
         # Somewhat more than is worked on, so that no node waits; what is interrupted leaves little behind.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import torch
 from torch import Tensor, nn
 
-from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.errors import UsageError, line_of
 from adatracker_deploy.learning import losses
 from adatracker_deploy.learning.train.agent import Agent, Sequences
 from adatracker_deploy.learning.train.settings import BURN_IN, TrainSettings
@@ -64,7 +64,7 @@ def check_bfloat16(device: str) -> None:
         with torch.random.fork_rng(), torch.autocast(where.type, torch.bfloat16):
             nn.LSTM(2, 2).to(where)(torch.zeros(1, 1, 2, device=where))
     except RuntimeError as error:
-        why = str(error).splitlines()[0]
+        why = line_of(error)
         raise UsageError(f"--bfloat16: device {device!r} cannot; leave it out ({why})") from error
 
 

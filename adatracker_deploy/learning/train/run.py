@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
-from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.errors import UsageError, line_of
 from adatracker_deploy.learning.bundle_weights import networks_of
 from adatracker_deploy.learning.checkpoint import ADATRACKER_MASK
 from adatracker_deploy.learning.data.dataset import Dataset
@@ -127,7 +127,7 @@ def _learner(settings: TrainSettings, device: str) -> Learner:
     try:
         agent.to(device)
     except (RuntimeError, AssertionError) as error:
-        raise UsageError(f"device {device!r} cannot be used: {str(error).splitlines()[0]}") from error
+        raise UsageError(f"device {device!r} cannot be used: {line_of(error)}") from error
     if settings.bfloat16:
         check_bfloat16(device)
     agent.train()

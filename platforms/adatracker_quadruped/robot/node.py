@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import zenoh
 
 from adatracker_deploy.core.clock import MonotonicClock
-from adatracker_deploy.core.errors import PlatformError, UsageError
+from adatracker_deploy.core.errors import PlatformError, UsageError, line_of
 from adatracker_deploy.registry import load_platform, load_profile
 from adatracker_deploy.runtime.pacer import Pacer
 from adatracker_quadruped.protocol import sport
@@ -60,7 +60,7 @@ class Node:
         try:
             self._session = zenoh.open(zenoh_config(connection, mode="router"))
         except zenoh.ZError as error:
-            raise PlatformError(f"cannot listen at {connection.endpoint}: {error}") from error
+            raise PlatformError(f"cannot listen at {connection.endpoint}: {line_of(error)}") from error
         keys, live = Keys(connection), self._session.liveliness()
         latest = zenoh.handlers.RingChannel
         self._commands = self._session.declare_subscriber(keys.command, latest(1))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.errors import PlatformError, line_of
 from adatracker_ros2.protocol.messages import TYPES, write_command
 from adatracker_ros2.protocol.qos import ros_qos
 from adatracker_ros2.protocol.topics import Topics
@@ -50,4 +50,4 @@ class Commander:
         try:
             self._publisher.publish(message)
         except Exception as error:  # whatever the middleware raises
-            raise PlatformError(f"{self.topic} cannot be published to: {error}") from error
+            raise PlatformError(f"{self.topic} cannot be published to: {line_of(error)}") from error

@@ -16,7 +16,7 @@ from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 
-from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.errors import PlatformError, line_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -77,7 +77,9 @@ class Participant:
                 self._executor = SingleThreadedExecutor(context=self._context)
         except Exception as error:  # whatever the middleware raises
             self._context.try_shutdown()
-            raise PlatformError(f"ROS 2 does not start in domain {connection.domain}: {error}") from error
+            raise PlatformError(
+                f"ROS 2 does not start in domain {connection.domain}: {line_of(error)}"
+            ) from error
         for parameter, value in (parameters or {}).items():
             self.node.declare_parameter(parameter, value)
         self._executor.add_node(self.node)

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 import can
 
-from adatracker_deploy.core.errors import PlatformError
-from adatracker_wheeled.protocol.bus_driver import line_of, open_driver
+from adatracker_deploy.core.errors import PlatformError, line_of
+from adatracker_wheeled.protocol.bus_driver import open_driver
 from adatracker_wheeled.protocol.frames import CanFrame
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ class Bus:
                 self._driver.send(message)
             except Exception as error:  # drivers raise what they like; the transmit thread must outlive it
                 if not _is_full(error):
-                    raise self._lose(line_of(error)) from error
+                    raise self._lose(line_of(error, 120)) from error
                 self.dropped += 1
                 now_s = time.monotonic()
                 self._full_since_s = self._full_since_s or now_s
@@ -139,7 +139,7 @@ class Bus:
                     self._tap(message)
                 self._hear(self._to_frame(message))
         except Exception as error:  # drivers raise what they like; none of it may pass for a silent bus
-            self._lose(line_of(error))
+            self._lose(line_of(error, 120))
         if not self._closed:
             self._hear(None)
 

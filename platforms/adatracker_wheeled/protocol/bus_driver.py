@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import can
 import can.interfaces
 
-from adatracker_deploy.core.errors import PlatformError, UsageError
+from adatracker_deploy.core.errors import PlatformError, UsageError, line_of
 
 if TYPE_CHECKING:
     from adatracker_wheeled.protocol.connection import Connection
@@ -50,14 +50,15 @@ def open_driver(connection: Connection) -> Any:
     except can.CanInterfaceNotImplementedError as error:
         package = f"; pip install {_PACKAGES[interface]}" if interface in _PACKAGES else ""
         raise UsageError(
-            f"connection: interface {interface} lacks its driver: {line_of(error)}{package}"
+            f"connection: interface {interface} lacks its driver: {line_of(error, 120)}{package}"
         ) from error
     except (can.CanError, OSError) as error:
         if "library not found" in str(error):  # as pcan says it
             raise UsageError(
-                f"connection: interface {interface} lacks its driver: {line_of(error)}; install its vendor's"
+                f"connection: interface {interface} lacks its driver: {line_of(error, 120)}; "
+                "install its vendor's"
             ) from error
-        what = f"CAN bus {connection.channel} ({interface}) cannot be opened: {line_of(error)}"
+        what = f"CAN bus {connection.channel} ({interface}) cannot be opened: {line_of(error, 120)}"
         if _is_busy(error):
             raise UsageError(f"{what}; end the program that has it, or correct connection.channel") from error
         raise PlatformError(
@@ -66,20 +67,13 @@ def open_driver(connection: Connection) -> Any:
         ) from error
     except (TypeError, ValueError) as error:
         raise UsageError(
-            f"connection: interface {interface} refuses its settings: {line_of(error)}"
+            f"connection: interface {interface} refuses its settings: {line_of(error, 120)}"
         ) from error
     except Exception as error:  # a missing library shows itself as it likes, kvaser's by a NameError
         raise UsageError(
-            f"connection: interface {interface} cannot be used here: {line_of(error)}; install its vendor's "
-            "driver and library, or name another interface"
+            f"connection: interface {interface} cannot be used here: {line_of(error, 120)}; "
+            "install its vendor's driver and library, or name another interface"
         ) from error
-
-
-def line_of(error: Exception) -> str:
-    """Return an error's first line, short; some of python-can's drivers put a traceback into it."""
-    text = getattr(error, "strerror", None) or str(error) or type(error).__name__
-    line = str(text).splitlines()[0].partition("Traceback (most recent call last)")[0]
-    return line[:120].rstrip(". ")
 
 
 def _is_busy(error: BaseException) -> bool:
@@ -163,5 +157,5 @@ def _shake_hands(connection: Connection) -> None:
                     raise PlatformError(f"{what}: it answers {said}, where {expect.decode()!r} was expected")
     except OSError as error:
         raise PlatformError(
-            f"{what} ({line_of(error)}): start it there, or correct connection.host, port and channel"
+            f"{what} ({line_of(error, 120)}): start it there, or correct connection.host, port and channel"
         ) from error

@@ -15,7 +15,7 @@ from typing import Any
 
 import cantools
 
-from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.errors import UsageError, line_of
 from adatracker_wheeled.protocol.frames import CanFrame, Malformed
 
 
@@ -172,8 +172,7 @@ class Database:
         except OSError as error:
             raise UsageError(f"{dbc}: cannot be read: {error.strerror}") from error
         except (cantools.Error, ValueError, KeyError, IndexError) as error:
-            line = " ".join(str(error).split())[:120]
-            raise UsageError(f"{dbc}: is not a DBC file: {line}") from error
+            raise UsageError(f"{dbc}: is not a DBC file: {line_of(error, 120)}") from error
         self._messages = {message.name: message for message in database.messages}
         self._layouts: dict[str, Layout] = {}
 
