@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from adatracker_deploy.core import pause
 
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+_POLL_S = 0.01
 _SURE_NS = 1_000_000
 """Two clocks read within this time, ns, can be compared."""
 _READINGS = 20
@@ -102,3 +106,12 @@ class FakeClock:
     def suspend(self, seconds: float) -> None:
         """Simulate a suspend of the machine; this clock stands still meanwhile."""
         self.asleep_ns += round(seconds * 1e9)
+
+
+def until(condition: Callable[[], bool], deadline_s: float) -> bool:
+    """Wait for a condition until a deadline of `time.monotonic`; return whether it was met."""
+    while not condition():
+        if time.monotonic() > deadline_s:
+            return False
+        time.sleep(_POLL_S)
+    return True

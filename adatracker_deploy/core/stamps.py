@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 if TYPE_CHECKING:
@@ -11,18 +12,33 @@ if TYPE_CHECKING:
     from adatracker_deploy.core.clock import Clock
 
 
-class _Stamped(Protocol):
+class Stamped(Protocol):
+    """A message that tells when it was made."""
+
     @property
-    def stamp_ns(self) -> int: ...
+    def stamp_ns(self) -> int:
+        """By the sender's clock; 0 where it gives none."""
 
 
 T = TypeVar("T")
+M_co = TypeVar("M_co", covariant=True)
 P = TypeVar("P")
-S = TypeVar("S", bound=_Stamped)
+S = TypeVar("S", bound=Stamped)
 
 RESTARTED_AFTER = 3
 """This many consecutive older stamps are not reordered packets: the sender restarted, or its clock was set
 back."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reading(Generic[M_co]):
+    """A message as it was received."""
+
+    value: M_co
+    t_ns: int
+    """Reception time, by the run's clock."""
+    count: int
+    """Number of valid messages so far, including this one."""
 
 
 class StampOrder:

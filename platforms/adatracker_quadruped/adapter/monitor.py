@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import math
 import threading
-import time
 from typing import TYPE_CHECKING
 
 import zenoh
 
 from adatracker_deploy.core.stamps import Fresh
 from adatracker_deploy.perception.zenoh_graph import is_ours
-from adatracker_deploy.runtime.robot_clock import clock_ahead_s
+from adatracker_deploy.runtime.odometry_monitor import OdometryMonitor
 from adatracker_quadruped.adapter.subscriber import Subscriber
 from adatracker_quadruped.protocol.cdr import SMALL_CAP_BYTES
 from adatracker_quadruped.protocol.keys import Keys
@@ -31,8 +29,6 @@ if TYPE_CHECKING:
     from adatracker_deploy.core.clock import Clock
     from adatracker_quadruped.protocol.connection import Connection
 
-UNSETTLED_S = 1.0
-"""Machine time after a restart of the driver during which its odometry is not trusted."""
 _MOST_TOKENS = 64
 """Cap on tokens: invented ones must not fill the memory."""
 
@@ -43,9 +39,9 @@ class RobotMonitor:
     def __init__(self, session: zenoh.Session, connection: Connection, clock: Clock) -> None:
         keys = Keys(connection)
         self._connection = connection
-        self._clock = clock
-        self._driver = Fresh(_odometry_decoder(connection), clock)
-        self.odometry = Subscriber(session, keys.odometry, self._driver, clock, SMALL_CAP_BYTES)
+        driver = Fresh(_odometry_decoder(connection), clock)
+        self.odometry = Subscriber(session, keys.odometry, driver, clock, SMALL_CAP_BYTES)
+        self.freshness = OdometryMonitor(self.odometry, driver, clock, connection.odometry_timeout_s)
         self.imu = self.battery = self._tokens = self._rehearsal = None
         if keys.imu:
             self.imu = Subscriber(session, keys.imu, Fresh(decode_imu, clock), clock, SMALL_CAP_BYTES)
@@ -62,18 +58,6 @@ class RobotMonitor:
         """Number of malformed messages, on all keys."""
         return sum(tap.dropped for tap in (self.odometry, self.imu, self.battery) if tap is not None)
 
-    def odometry_age_s(self) -> float:
-        """Return the machine's seconds since the newest odometry; infinite before the first."""
-        newest = self.odometry.newest
-        return (self._clock.now_ns() - newest.t_ns) / 1e9 / self._clock.speed if newest else math.inf
-
-    def clock_ahead_s(self) -> float | None:
-        """Compare this machine's clock with the newest odometry's stamp (`robot_clock`)."""
-        newest = self.odometry.newest
-        if newest is None:
-            return None
-        return clock_ahead_s(newest.value.stamp_ns, time.time_ns() - round(self.odometry_age_s() * 1e9))
-
     def meant(self) -> bool:
         """Return whether this is the right robot; in a rehearsal only the one that it has started is."""
         return self._rehearsal is None or self._rehearsal.alive()
@@ -84,11 +68,7 @@ class RobotMonitor:
             return "the robot is gone: the simulated one that this rehearsal has started is not there"
         if self._tokens is not None and not self._tokens.alive():
             return f"the robot is gone: no liveliness token {self._connection.robot_liveliness}"
-        if self._driver.restarted_s() < UNSETTLED_S:
-            return "the odometry's time stamps went back: its driver was restarted, or there are two"
-        if (age_s := self.odometry_age_s()) > self._connection.odometry_timeout_s:
-            return f"no odometry for {age_s:.2f} s: the robot or the link to it is down"
-        return ""
+        return self.freshness.trouble()
 
     def join(self) -> None:
         """Wait for the end of every thread; close the session first."""

@@ -5,11 +5,10 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
+from adatracker_deploy.core.clock import until
 from adatracker_quadruped.adapter.preflight import RobotTelemetry
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from adatracker_quadruped.adapter.monitor import RobotMonitor
     from adatracker_quadruped.adapter.transport import Wire
 
@@ -17,7 +16,6 @@ _LISTEN_S = 0.5
 """Shortest time over which odometry is counted."""
 _COMPLETE_S = 2.0
 """Longest wait for a battery charge (sent once a second), an attitude and an image."""
-_POLL_S = 0.01
 
 
 def probe(wire: Wire, camera_key: str) -> RobotTelemetry:
@@ -44,18 +42,9 @@ def probe(wire: Wire, camera_key: str) -> RobotTelemetry:
         battery=watch.battery.newest.value if watch.battery and watch.battery.newest else None,
         camera_key=camera_key,
         camera_heard=camera_heard,
-        clock_ahead_s=watch.clock_ahead_s(),
+        clock_ahead_s=watch.freshness.clock_ahead_s(),
         dropped=sum(tap.dropped for tap in taps),
     )
-
-
-def until(condition: Callable[[], bool], deadline_s: float) -> bool:
-    """Wait for a condition until a deadline of `time.monotonic`; return whether it was met."""
-    while not condition():
-        if time.monotonic() > deadline_s:
-            return False
-        time.sleep(_POLL_S)
-    return True
 
 
 def _attitude(watch: RobotMonitor) -> tuple[float, float, float] | None:

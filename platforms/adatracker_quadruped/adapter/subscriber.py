@@ -7,10 +7,11 @@ it. The thread ends when the session is closed.
 from __future__ import annotations
 
 import threading
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 import zenoh
+
+from adatracker_deploy.core.stamps import Reading
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -18,17 +19,6 @@ if TYPE_CHECKING:
     from adatracker_deploy.core.clock import Clock
 
 T = TypeVar("T")
-
-
-@dataclass(frozen=True, slots=True)
-class Reading(Generic[T]):
-    """A message as it was received."""
-
-    value: T
-    t_ns: int
-    """Reception time, by the run's clock."""
-    count: int
-    """Number of valid messages so far, including this one."""
 
 
 class Subscriber(Generic[T]):

@@ -19,8 +19,13 @@ from adatracker_quadruped.protocol.rehearsal_keys import SitlKeys
 from adatracker_quadruped.protocol.session import open_session
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from adatracker_deploy.core.clock import Clock
+    from adatracker_deploy.core.messages import Twist
+    from adatracker_deploy.core.stamps import Reading
     from adatracker_quadruped.protocol.connection import Connection
+    from adatracker_quadruped.protocol.messages import Odometry
 
 _POLL_S = 0.02
 _ANSWER_S = 0.3
@@ -28,7 +33,7 @@ _ANSWER_S = 0.3
 
 
 class Wire:
-    """Opens everything or nothing; close it from any thread.
+    """A `velocity_adapter.Wire`. Opens everything or nothing; close it from any thread.
 
     Raises:
         PlatformError: nothing answers at the endpoint, another program on this machine has the robot, or the
@@ -38,6 +43,7 @@ class Wire:
 
     def __init__(self, connection: Connection, clock: Clock) -> None:
         self._claim = Claim(connection.robot)
+        self._token = connection.host_token
         try:
             self._session = open_session(connection)
         except BaseException:
@@ -59,6 +65,51 @@ class Wire:
             self._claim.close()
             raise
         atexit.register(self.close)  # ending the interpreter under a waiting subscriber aborts
+
+    @property
+    def odometry(self) -> Reading[Odometry] | None:
+        """The newest odometry, None before the first."""
+        return self.watch.odometry.newest
+
+    @property
+    def battery(self) -> Reading[float | None] | None:
+        """The newest charge."""
+        return self.watch.battery.newest if self.watch.battery is not None else None
+
+    @property
+    def dropped(self) -> int:
+        """Number of malformed messages."""
+        return self.watch.dropped
+
+    def claim(self, given_up: Callable[[], bool]) -> str:
+        """Take the lease; return why it cannot be had."""
+        return "" if self.lease.take(given_up) else f"another host holds {self._token}: end it first"
+
+    def rival(self) -> str:
+        """Return nothing: whoever has the lease is alone, and who has lost it is in `trouble`."""
+        return ""
+
+    def trouble(self) -> str:
+        """Describe why the robot must not be driven any further; empty while it may."""
+        if why := self.watch.trouble() or self.lease.lost():
+            return why
+        return "" if self.commander.matched else f"nobody subscribes to {self.commander.key}"
+
+    def owned(self) -> bool:
+        """Return whether this host has the lease."""
+        return not self.lease.lost()
+
+    def release(self) -> None:
+        """Give the lease back."""
+        self.lease.release()
+
+    def drive(self, command: Twist, stamp_ns: int) -> None:
+        """Send one velocity."""
+        self.commander.walk(command, stamp_ns)
+
+    def stand(self, stamp_ns: int) -> None:
+        """Announce that no command will follow."""
+        self.commander.stand(stamp_ns)
 
     def hears(self, key: str, timeout_s: float) -> bool:
         """Wait, up to a time-out, for any message on a key."""

@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-import contextlib
 import importlib.util
-import math
-import threading
 import time
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from adatracker_deploy.config.camera_topic import with_camera
 from adatracker_deploy.core.camera import ROBOT
+from adatracker_deploy.core.clock import until
 from adatracker_deploy.core.errors import PlatformError, UsageError
-from adatracker_deploy.core.log_throttle import worth_logging
-from adatracker_deploy.core.messages import LONGEST_REASON, ZERO, PlatformState, Twist
-from adatracker_deploy.core.stamps import fresh_or_none
-from adatracker_deploy.platform import Check, Platform
-from adatracker_deploy.runtime.suspend import SuspendWatch
+from adatracker_deploy.runtime.velocity_adapter import VelocityAdapter
 from adatracker_ros2.adapter.preflight import judge
-from adatracker_ros2.adapter.probe import probe, until
+from adatracker_ros2.adapter.probe import probe
 from adatracker_ros2.protocol.connection import Connection
 from adatracker_ros2.protocol.topics import Topics, claimed
 
@@ -29,25 +23,19 @@ if TYPE_CHECKING:
     from adatracker_deploy.config.profile import Profile
     from adatracker_deploy.core.camera import Camera
     from adatracker_deploy.core.clock import Clock
-    from adatracker_ros2.adapter.subscriber import Reading
+    from adatracker_deploy.platform import Check
     from adatracker_ros2.adapter.transport import Wire
 
-_ZEROS = 3
-_ZERO_PERIOD_S = 0.02
-_REST_TIMEOUT_S = 3.0
-_REST_M_S, _REST_RAD_S = 0.1, 0.2
-"""Measured motion below both is rest."""
 
-
-class Ros2Adapter(Platform):
+class Ros2Adapter(VelocityAdapter["Wire"]):
     """A robot on the ground, reached by a node of this host's.
 
-    Such a robot has nothing to enable: engaging checks that it listens, is heard, and that nobody else
-    commands it. A stop latches here, in addition to the robot's own time-out.
+    Engaging checks that it listens, is heard, and that nobody else commands it; who begins to has it
+    (`_yield`). A stop latches (`VelocityAdapter`).
     """
 
     name = "ros2"
-    axes = frozenset({"vx", "vy", "yaw_rate"})
+    carrier = "ROS 2"
     Connection = Connection
     default_profile = "ros2_robot"
 
@@ -59,47 +47,26 @@ class Ros2Adapter(Platform):
     def __init__(self, profile: Profile, clock: Clock) -> None:
         super().__init__(profile, clock)
         self._connection: Connection = profile.connection
-        self._opening = threading.Lock()
-        """Held while the wire is opened, tried or closed."""
-        self._steering = threading.Lock()
-        """Held for one command at a time, so that none is sent after a stop."""
-        self._wire: Wire | None = None
-        self._engaged = False
-        self._in_charge = False
-        """Engaged since the last disengage; only then may this side stop the robot."""
-        self._stopped = ""
-        self._taken = False
-        """Somebody else has begun to publish commands since the last engage."""
-        self._stops = 0
-        """Number of stop requests, whether or not there was anything to stop."""
-        self._suspends = SuspendWatch(clock)
-        self._sent_ns = 0
-        """Time of the newest command; 0 since the last engage."""
-        self._told = 0
-        """Number of malformed messages at the last notice."""
 
-    def connect(self) -> None:
-        """Join the graph and wait for the robot's odometry and command subscription; moves nothing.
+    def _open(self) -> Wire:
+        """Join the graph and wait for the robot's odometry and command subscription.
 
         Raises:
             PlatformError: ROS 2 does not start, or no odometry comes, within `connect_timeout_s`.
             UsageError: rclpy is missing, or a topic has another type or quality of service than it should.
         """
-        with self._opening:
-            if self._wire is not None:
-                return
-            deadline_s = time.monotonic() + self._connection.connect_timeout_s
-            wire = _open(_with_own_camera(self.profile), self.clock, self._yield)
-            try:
-                until(lambda: wire.watch.odometry.newest is not None and wire.commander.matched, deadline_s)
-                if why := wire.misfit():
-                    raise UsageError(f"{why}: correct the profile's connection")
-                if wire.watch.odometry.newest is None:
-                    raise PlatformError(_unheard(wire, self._connection))
-            except BaseException:
-                wire.close()
-                raise
-            self._wire = wire
+        deadline_s = time.monotonic() + self._connection.connect_timeout_s
+        wire = _open(_with_own_camera(self.profile), self.clock, self._yield)
+        try:
+            until(lambda: wire.odometry is not None and wire.commander.matched, deadline_s)
+            if why := wire.misfit():
+                raise UsageError(f"{why}: correct the profile's connection")
+            if wire.odometry is None:
+                raise PlatformError(_unheard(wire, self._connection))
+        except BaseException:
+            wire.close()
+            raise
+        return wire
 
     def preflight(self) -> tuple[Check, ...]:
         """Listen for half a second, at most two, and check what was heard."""
@@ -107,122 +74,6 @@ class Ros2Adapter(Platform):
         with self._opening:
             heard = probe(self._connected(), camera_topic)
             return judge(heard, self._connection, self.profile.camera.fov_deg)
-
-    def engage(self) -> None:
-        """Accept commands from now on.
-
-        Raises:
-            PlatformError: another node publishes commands, nobody listens to them, the robot is not heard, or
-                somebody called `hold`, `disengage` or `close` meanwhile.
-        """
-        stops = self._stops
-        with self._opening:
-            wire = self._connected()
-        with self._steering:
-            if self._engaged:
-                return
-            if self._stops != stops:
-                raise PlatformError(
-                    f"engaging was stopped: {self._stopped or 'disengage or close was asked for'}"
-                )
-            self._suspends.begin()
-            if why := wire.ownership.rival() or self._trouble(wire):
-                raise PlatformError(why)
-            self._engaged = self._in_charge = True
-            self._stopped, self._taken, self._sent_ns = "", False, 0
-
-    def send(self, command: Twist, now_ns: int) -> Twist:
-        """Send one velocity, without its vertical part; return what was sent.
-
-        Raises:
-            PlatformError: the command is not finite, or the robot is not engaged. Also if it is gone, or has
-                stopped by itself for want of commands: then a zero goes out and the stop latches.
-        """
-        if not command.is_finite():
-            raise PlatformError(f"refused to send {command}: not finite")
-        with self._steering:
-            wire = self._connected()
-            if not self._engaged:
-                raise PlatformError(f"not engaged: {self._reason(wire) or 'engage first'}")
-            if why := self._pause(now_ns) or self._trouble(wire):
-                self._stopped, self._engaged = why, False  # in this order, for who reads without the lock
-                wire.commander.drive(ZERO, time.time_ns())
-                raise PlatformError(why)
-            sent = replace(command, vz=0.0)
-            age_ns = (self.clock.now_ns() - now_ns) / self.clock.speed
-            wire.commander.drive(sent, time.time_ns() - round(age_ns))
-            self._sent_ns = now_ns
-            return sent
-
-    def state(self) -> PlatformState:
-        """Return the newest odometry and battery state; the pose is in the robot's odometry frame."""
-        wire, engaged = self._wire, self._engaged
-        stopped = self._reason(wire)[:LONGEST_REASON]
-        reading = wire.watch.odometry.newest if wire is not None else None
-        if wire is None or reading is None:
-            return PlatformState(t_ns=0, stopped=stopped)
-        battery = wire.watch.battery.newest if wire.watch.battery is not None else None
-        return PlatformState(
-            t_ns=reading.t_ns,
-            mode="DRIVE" if engaged else "READY",
-            engaged=engaged,
-            pose=reading.value.pose,
-            velocity=reading.value.velocity,
-            battery=self._charge(battery),
-            stopped=stopped,
-            taken_over=self._taken,
-        )
-
-    def _charge(self, reading: Reading[float | None] | None) -> float | None:
-        if reading is None:
-            return None
-        return fresh_or_none(reading.value, reading.t_ns, self.clock, self._connection.battery_timeout_s)
-
-    def notices(self) -> tuple[str, ...]:
-        """Return notices about malformed messages from the robot."""
-        wire = self._wire
-        count = wire.dropped if wire is not None else 0
-        told, self._told = self._told, count
-        return (f"ROS 2: {count} malformed messages were dropped",) if worth_logging(told, count) else ()
-
-    def hold(self, reason: str) -> None:
-        """Send zero three times; no command follows until an explicit `engage`."""
-        self._withdraw(reason)
-        wire = self._wire
-        if wire is not None and self._in_charge:
-            self._send_zeros(wire)
-
-    def disengage(self) -> None:
-        """Do as `hold`, tell the robot to stand, and return when it does.
-
-        Raises:
-            PlatformError: it was not seen to stand within 3 s.
-        """
-        asked_ns = self.clock.now_ns()
-        wire = self._give_back()
-        if wire is None:
-            return
-
-        def stands() -> bool:
-            reading = wire.watch.odometry.newest
-            seen = reading is not None and reading.t_ns > asked_ns and _at_rest(reading.value.velocity)
-            return seen or self._engaged or self._taken or self._wire is not wire
-
-        if not until(stands, time.monotonic() + _REST_TIMEOUT_S):
-            raise PlatformError(
-                f"the robot was not seen to stand {_REST_TIMEOUT_S:g} s after the stop: "
-                "stop it with its own remote control"
-            )
-
-    def close(self) -> None:
-        """Make the robot stand and leave the graph; does not wait for it."""
-        self._give_back()
-        with self._opening:
-            with self._steering:
-                wire, self._wire = self._wire, None
-                self._engaged = self._in_charge = False
-            if wire is not None:
-                wire.close()
 
     @classmethod
     def camera(cls, profile: Profile, clock: Clock) -> Camera:
@@ -232,74 +83,9 @@ class Ros2Adapter(Platform):
 
         return Ros2Camera(profile, clock)
 
-    def _connected(self) -> Wire:
-        wire = self._wire
-        if wire is None:
-            raise PlatformError("the robot is not connected: connect first")
-        return wire
-
     def _reason(self, wire: Wire | None) -> str:
         """Return why it is stopped; whose the robot is comes with a name a moment after the stop."""
-        return wire.ownership.latest() if self._taken and wire is not None else self._stopped
-
-    def _trouble(self, wire: Wire) -> str:
-        if why := self._suspends.trouble() or wire.watch.trouble():
-            return why
-        return "" if wire.commander.matched else f"nobody subscribes to {wire.commander.topic}"
-
-    def _pause(self, now_ns: int) -> str:
-        """Latch a stop after the robot has timed out, so that the next command does not restart it."""
-        paused_s = (now_ns - self._sent_ns) / 1e9 / self.clock.speed if self._sent_ns else 0.0
-        over = paused_s > self._connection.command_timeout_s
-        return f"no command for {paused_s:.2f} s: the robot has stopped by itself" if over else ""
-
-    def _yield(self) -> None:
-        """Leave the robot to its other commander, after one zero if it is driven; in the node's thread."""
-        with self._steering:
-            wire, driven = self._wire, self._engaged
-            if wire is None or not self._in_charge:
-                return
-            self._taken, self._stopped = True, wire.ownership.rival()
-            self._engaged = self._in_charge = False
-            if driven:
-                with contextlib.suppress(PlatformError):
-                    wire.commander.drive(ZERO, time.time_ns())
-
-    def _withdraw(self, reason: str) -> None:
-        self._stops += 1
-        with self._steering:
-            self._stopped = self._stopped or reason
-            self._engaged = False
-
-    def _give_back(self) -> Wire | None:
-        """Make the robot stand and give up control; return its connection, None if it was not in our
-        charge."""
-        self._withdraw("")
-        wire = self._wire
-        if wire is None or not self._in_charge:
-            return None
-        self._send_zeros(wire)
-        with self._steering:
-            if self._may_stop(wire):
-                wire.commander.drive(ZERO, time.time_ns())
-                self._in_charge = False
-        return wire
-
-    def _may_stop(self, wire: Wire) -> bool:
-        """Return whether the robot is still this side's, and nobody engaged again or closed meanwhile."""
-        return self._in_charge and not self._engaged and self._wire is wire
-
-    def _send_zeros(self, wire: Wire) -> None:
-        for _ in range(_ZEROS):
-            with self._steering:
-                if not self._may_stop(wire):
-                    return
-                wire.commander.drive(ZERO, time.time_ns())
-            time.sleep(_ZERO_PERIOD_S)
-
-
-def _at_rest(velocity: Twist) -> bool:
-    return math.hypot(velocity.vx, velocity.vy) < _REST_M_S and abs(velocity.yaw_rate) < _REST_RAD_S
+        return wire.ownership.latest() if self._taken and wire is not None else super()._reason(wire)
 
 
 def _open(connection: Connection, clock: Clock, on_rival: Callable[[], None]) -> Wire:

@@ -5,18 +5,16 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
+from adatracker_deploy.core.clock import until
 from adatracker_ros2.adapter.preflight import RobotTelemetry
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from adatracker_ros2.adapter.transport import Wire
 
 _LISTEN_S = 0.5
 """Shortest time over which odometry is counted, and other publishers are looked for."""
 _COMPLETE_S = 2.0
 """Longest wait for a battery charge (sent once a second), the camera's topic and its camera_info."""
-_POLL_S = 0.01
 
 
 def probe(wire: Wire, camera_topic: str) -> RobotTelemetry:
@@ -50,15 +48,6 @@ def probe(wire: Wire, camera_topic: str) -> RobotTelemetry:
         camera_info_topic=lens.topic if lens else "",
         camera_info_came=bool(lens and lens.newest),
         lens=lens.newest.value if lens and lens.newest else None,
-        clock_ahead_s=watch.clock_ahead_s(),
+        clock_ahead_s=watch.freshness.clock_ahead_s(),
         dropped=wire.dropped,
     )
-
-
-def until(condition: Callable[[], bool], deadline_s: float) -> bool:
-    """Wait for a condition until a deadline of `time.monotonic`; return whether it was met."""
-    while not condition():
-        if time.monotonic() > deadline_s:
-            return False
-        time.sleep(_POLL_S)
-    return True

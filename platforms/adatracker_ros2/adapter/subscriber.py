@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
+from adatracker_deploy.core.stamps import Reading
 from adatracker_ros2.protocol.messages import TYPES
 from adatracker_ros2.protocol.qos import ros_qos
 
@@ -16,17 +16,6 @@ if TYPE_CHECKING:
     from adatracker_ros2.protocol.participant import Participant
 
 T = TypeVar("T")
-
-
-@dataclass(frozen=True, slots=True)
-class Reading(Generic[T]):
-    """A message as it was received."""
-
-    value: T
-    t_ns: int
-    """Reception time, by the run's clock."""
-    count: int
-    """Number of valid messages so far, including this one."""
 
 
 class Subscriber(Generic[T]):

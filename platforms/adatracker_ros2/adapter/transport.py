@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from adatracker_deploy.core.messages import ZERO
 from adatracker_deploy.runtime.ownership import Claim
 from adatracker_ros2.adapter.command_publisher import Commander
 from adatracker_ros2.adapter.driver import Driver
@@ -20,7 +21,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from adatracker_deploy.core.clock import Clock
+    from adatracker_deploy.core.messages import Twist
+    from adatracker_deploy.core.stamps import Reading
     from adatracker_ros2.protocol.connection import Connection
+    from adatracker_ros2.protocol.messages import Odometry
 
 _POLL_S = 0.02
 _FASTDDS = Path(__file__).with_name("fastdds.xml")
@@ -28,7 +32,7 @@ _FASTDDS = Path(__file__).with_name("fastdds.xml")
 
 
 class Wire:
-    """Opens everything or nothing; close it from any thread.
+    """A `velocity_adapter.Wire`. Opens everything or nothing; close it from any thread.
 
     Args:
         connection: to the robot.
@@ -56,9 +60,48 @@ class Wire:
         self._participant.start()
 
     @property
+    def odometry(self) -> Reading[Odometry] | None:
+        """The newest odometry, None before the first."""
+        return self.watch.odometry.newest
+
+    @property
+    def battery(self) -> Reading[float | None] | None:
+        """The newest charge."""
+        return self.watch.battery.newest if self.watch.battery is not None else None
+
+    @property
     def dropped(self) -> int:
         """Number of messages that were malformed, repeated or could not be read at all."""
         return self.watch.dropped + self._participant.failures
+
+    def claim(self, given_up: Callable[[], bool]) -> str:  # noqa: ARG002 -- nothing to wait for
+        """Return nothing: a topic has no owner, see `rival`."""
+        return ""
+
+    def rival(self) -> str:
+        """Describe who else publishes commands; empty if nobody does."""
+        return self.ownership.rival()
+
+    def trouble(self) -> str:
+        """Describe why the robot must not be driven any further; empty while it may."""
+        if why := self.watch.trouble():
+            return why
+        return "" if self.commander.matched else f"nobody subscribes to {self.commander.topic}"
+
+    def owned(self) -> bool:
+        """Return True: whoever else commands the robot is noticed by `ownership`."""
+        return True
+
+    def release(self) -> None:
+        """Do nothing: there is no ownership to give back."""
+
+    def drive(self, command: Twist, stamp_ns: int) -> None:
+        """Send one velocity."""
+        self.commander.drive(command, stamp_ns)
+
+    def stand(self, stamp_ns: int) -> None:
+        """Send another zero: ROS 2 has no word for it."""
+        self.commander.drive(ZERO, stamp_ns)
 
     def misfit(self) -> str:
         """Describe a topic that is there with another type or quality of service only; empty without one."""
