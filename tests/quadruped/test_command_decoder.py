@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from adatracker_deploy.core.messages import ZERO, Twist
 from adatracker_quadruped.protocol import sport
-from adatracker_quadruped.protocol.command_decoder import STALE_S, Intake
+from adatracker_quadruped.protocol.command_decoder import STALE_S, CommandDecoder
 from adatracker_quadruped.protocol.connection import Connection
 from adatracker_quadruped.protocol.keys import attachment
 from adatracker_quadruped.protocol.messages import encode_twist, encode_twist_stamped
@@ -17,8 +17,8 @@ WALK = Twist(vx=0.5, vy=-0.1, yaw_rate=0.3)
 NOW_NS = 1_700_000_000_000_000_000
 
 
-def intake(**connection):
-    return Intake(Connection(**connection))
+def decoder(**connection):
+    return CommandDecoder(Connection(**connection))
 
 
 @pytest.mark.parametrize(
@@ -30,16 +30,16 @@ def intake(**connection):
     ],
 )
 def test_each_kind_of_command_is_understood_and_no_other(command, payload):
-    assert intake(command=command).take(payload, None, NOW_NS) == WALK
+    assert decoder(command=command).take(payload, None, NOW_NS) == WALK
     for other in {"twist", "twist_stamped", "unitree_sport"} - {command}:
-        deaf = intake(command=other)
+        deaf = decoder(command=other)
         assert deaf.take(payload, None, NOW_NS) is None
         assert deaf.dropped == 1
 
 
 def test_stop_move_is_a_zero_and_other_requests_are_dropped():
     stand_down = sport._encode(1005, "", 2)
-    robot = intake(command="unitree_sport")
+    robot = decoder(command="unitree_sport")
     assert robot.take(sport.encode_stop(request_id=1), None, NOW_NS) == ZERO
     assert robot.take(stand_down, None, NOW_NS) is None
 
@@ -47,12 +47,12 @@ def test_stop_move_is_a_zero_and_other_requests_are_dropped():
 @given(st.floats(0, 10))
 def test_a_stamped_command_is_taken_until_it_is_stale(age_s):
     payload = encode_twist_stamped(WALK, NOW_NS - round(age_s * 1e9), "base_link")
-    taken = intake(command="twist_stamped").take(payload, None, NOW_NS)
+    taken = decoder(command="twist_stamped").take(payload, None, NOW_NS)
     assert taken == (WALK if round(age_s * 1e9) <= STALE_S * 1e9 else None)
 
 
 def test_what_comes_again_or_out_of_order_from_one_sender_is_dropped():
-    robot = intake(dialect="rmw_zenoh")
+    robot = decoder(dialect="rmw_zenoh")
     one, other = bytes(16), bytes(range(16))
 
     def took(sequence, sender):
@@ -64,7 +64,7 @@ def test_what_comes_again_or_out_of_order_from_one_sender_is_dropped():
 
 
 def test_without_the_attachment_of_its_dialect_nothing_is_taken():
-    robot = intake(dialect="rmw_zenoh")
+    robot = decoder(dialect="rmw_zenoh")
     for attached in (None, b"", bytes(10)):
         assert robot.take(encode_twist(WALK), attached, NOW_NS) is None
 
@@ -73,5 +73,5 @@ def test_without_the_attachment_of_its_dialect_nothing_is_taken():
 def test_whatever_comes_is_dropped_or_finite(payload, attached):
     for command in ("twist", "twist_stamped", "unitree_sport"):
         for dialect in ("ros2dds", "rmw_zenoh"):
-            twist = intake(command=command, dialect=dialect).take(payload, attached, NOW_NS)
+            twist = decoder(command=command, dialect=dialect).take(payload, attached, NOW_NS)
             assert twist is None or all(map(math.isfinite, (twist.vx, twist.vy, twist.yaw_rate)))

@@ -35,12 +35,12 @@ class Commander:
         self.key = keys.command
         """Key of the commands."""
         self._connection = connection
-        self._outlet = Publisher(session, keys.command, attaches=keys.attaches)
+        self._publisher = Publisher(session, keys.command, attaches=keys.attaches)
 
     @property
     def matched(self) -> bool:
         """Return whether somebody subscribes to the commands."""
-        return self._outlet.matched
+        return self._publisher.matched
 
     def walk(self, twist: Twist, stamp_ns: int) -> None:
         """Send one velocity.
@@ -60,12 +60,12 @@ class Commander:
             case "unitree_sport":
                 payload = sport.encode_move(twist, request_id=stamp_ns)
         if self._meant():
-            self._outlet.put(payload, stamp_ns)
+            self._publisher.put(payload, stamp_ns)
 
     def stand(self, stamp_ns: int) -> None:
         """Announce that no command will follow: StopMove if supported, else another zero."""
         if self._connection.command == "unitree_sport":
             if self._meant():
-                self._outlet.put(sport.encode_stop(request_id=stamp_ns), stamp_ns)
+                self._publisher.put(sport.encode_stop(request_id=stamp_ns), stamp_ns)
         else:
             self.walk(ZERO, stamp_ns)

@@ -25,6 +25,7 @@ from adatracker_quadruped.protocol.unitree import decode_low_state, decode_sport
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from typing import Any
 
     from adatracker_deploy.core.clock import Clock
     from adatracker_quadruped.protocol.connection import Connection
@@ -54,9 +55,15 @@ class RobotMonitor:
             self._rehearsal = _Tokens(session, run)
 
     @property
+    def subscribers(self) -> tuple[Subscriber[Any], ...]:
+        """All that must be heard."""
+        every = (self.odometry, self.imu, self.battery)
+        return tuple(subscriber for subscriber in every if subscriber is not None)
+
+    @property
     def dropped(self) -> int:
         """Number of malformed messages, on all keys."""
-        return sum(tap.dropped for tap in (self.odometry, self.imu, self.battery) if tap is not None)
+        return sum(subscriber.dropped for subscriber in self.subscribers)
 
     def meant(self) -> bool:
         """Return whether this is the right robot; in a rehearsal only the one that it has started is."""
@@ -72,9 +79,8 @@ class RobotMonitor:
 
     def join(self) -> None:
         """Wait for the end of every thread; close the session first."""
-        for tap in (self.odometry, self.imu, self.battery):
-            if tap is not None:
-                tap.join()
+        for subscriber in self.subscribers:
+            subscriber.join()
 
 
 def _odometry_decoder(connection: Connection) -> Callable[[bytes], Odometry]:

@@ -26,10 +26,9 @@ def probe(wire: Wire, camera_key: str) -> RobotTelemetry:
         camera_key: key of the images; empty for none.
     """
     watch = wire.watch
-    taps = [tap for tap in (watch.odometry, watch.imu, watch.battery) if tap is not None]
     began_s, before = time.monotonic(), watch.odometry.newest
     camera_heard = bool(camera_key) and wire.hears(camera_key, _COMPLETE_S)
-    until(lambda: all(tap.newest is not None for tap in taps), began_s + _COMPLETE_S)
+    until(lambda: all(heard.newest is not None for heard in watch.subscribers), began_s + _COMPLETE_S)
     until(lambda: time.monotonic() > began_s + _LISTEN_S, began_s + _COMPLETE_S)
     after, listened_s = watch.odometry.newest, time.monotonic() - began_s
     return RobotTelemetry(
@@ -43,7 +42,7 @@ def probe(wire: Wire, camera_key: str) -> RobotTelemetry:
         camera_key=camera_key,
         camera_heard=camera_heard,
         clock_ahead_s=watch.freshness.clock_ahead_s(),
-        dropped=sum(tap.dropped for tap in taps),
+        dropped=watch.dropped,
     )
 
 

@@ -47,7 +47,7 @@ class Subscriber(Generic[T]):
         self.newest: Reading[T] | None = None
         self.dropped = 0
         """Number of malformed messages."""
-        self._thread = threading.Thread(target=self._run, name=f"tap {key}", daemon=True)
+        self._thread = threading.Thread(target=self._run, name=f"subscriber {key}", daemon=True)
         self._thread.start()
 
     def join(self) -> None:

@@ -18,7 +18,7 @@ _MOST_SENDERS = 64
 """Cap on senders: invented ones must not fill the memory."""
 
 
-class Intake:
+class CommandDecoder:
     """Decodes commands of the connection's message type; counts those it rejects."""
 
     def __init__(self, connection: Connection) -> None:

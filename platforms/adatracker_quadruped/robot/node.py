@@ -23,7 +23,7 @@ from adatracker_deploy.core.errors import PlatformError, UsageError, line_of
 from adatracker_deploy.registry import load_platform, load_profile
 from adatracker_deploy.runtime.pacer import Pacer
 from adatracker_quadruped.protocol import sport
-from adatracker_quadruped.protocol.command_decoder import STALE_S, Intake
+from adatracker_quadruped.protocol.command_decoder import STALE_S, CommandDecoder
 from adatracker_quadruped.protocol.keys import Keys
 from adatracker_quadruped.protocol.messages import Malformed, encode_battery, encode_imu, encode_odometry
 from adatracker_quadruped.protocol.publisher import Publisher
@@ -56,7 +56,7 @@ class Node:
     def __init__(self, connection: Connection, go2: Go2) -> None:
         self._connection, self._go2 = connection, go2
         self._walker = Walker(connection.command_timeout_s)
-        self._intake = Intake(connection)
+        self._decoder = CommandDecoder(connection)
         try:
             self._session = zenoh.open(zenoh_config(connection, mode="router"))
         except zenoh.ZError as error:
@@ -95,7 +95,7 @@ class Node:
         if sample is None:
             return None
         attached = bytes(sample.attachment) if sample.attachment is not None else None
-        return self._intake.take(bytes(sample.payload), attached, time.time_ns())
+        return self._decoder.take(bytes(sample.payload), attached, time.time_ns())
 
     def _host_left(self) -> bool:
         left = False

@@ -93,16 +93,16 @@ class _Due:
     """A publisher with a period; a missed slot is skipped."""
 
     def __init__(self, session: zenoh.Session, key: str, rate_hz: float, *, attaches: bool) -> None:
-        self._outlet = Publisher(session, key, attaches=attaches) if key else None
+        self._publisher = Publisher(session, key, attaches=attaches) if key else None
         self._period_ns = round(1e9 / rate_hz)
         self._next_ns = 0
 
     def due(self, now_ns: int) -> bool:
-        if self._outlet is None or now_ns < self._next_ns:
+        if self._publisher is None or now_ns < self._next_ns:
             return False
         self._next_ns = max(self._next_ns + self._period_ns, now_ns + self._period_ns // 2)
         return True
 
     def put(self, payload: bytes, unix_ns: int) -> None:
-        if self._outlet is not None and payload:
-            self._outlet.put(payload, unix_ns)
+        if self._publisher is not None and payload:
+            self._publisher.put(payload, unix_ns)

@@ -19,7 +19,7 @@ from adatracker_deploy.perception.compressed_image import CompressedImage
 from adatracker_deploy.runtime.pacer import Pacer
 from adatracker_deploy.sim.process import FaultCommands
 from adatracker_deploy.sim.rehearsal import Rehearsal
-from adatracker_quadruped.protocol.command_decoder import STALE_S, Intake
+from adatracker_quadruped.protocol.command_decoder import STALE_S, CommandDecoder
 from adatracker_quadruped.protocol.connection import Connection
 from adatracker_quadruped.protocol.keys import Keys
 from adatracker_quadruped.protocol.messages import encode_compressed_image
@@ -83,7 +83,7 @@ class Simulator:
         """None while it is cut."""
         self._using = threading.Lock()
         """Held while publishing or cutting the link: Zenoh's sessions must not be closed meanwhile."""
-        self._intake = Intake(connection)
+        self._decoder = CommandDecoder(connection)
         self._command, self._obeyed_s = ZERO, -math.inf
         self._fault = Fault.NONE
         self._said: tuple[bytes, bytes, int] | None = None
@@ -152,7 +152,7 @@ class Simulator:
 
     def _obey(self, sample: zenoh.Sample, now_s: float) -> None:
         attached = bytes(sample.attachment) if sample.attachment is not None else None
-        command = self._intake.take(bytes(sample.payload), attached, time.time_ns())
+        command = self._decoder.take(bytes(sample.payload), attached, time.time_ns())
         if command is not None:
             self._orders.witness.command(command)
             self._command, self._obeyed_s = command, now_s

@@ -47,7 +47,7 @@ class Bus:
         name: how errors name it, for example ``can0 (socketcan)``.
         hear: called in the receive thread with each data frame, and with None when nothing came for 50 ms and
             when the bus is lost.
-        tap: called with each of python-can's messages that was heard or sent; must return at once.
+        on_message: called with each of python-can's messages that was heard or sent; must return at once.
         shared: the driver echoes nothing, and marks as sent what other programs of this machine have sent.
     """
 
@@ -56,7 +56,7 @@ class Bus:
         driver: Any,
         name: str,
         hear: Callable[[CanFrame | None], None],
-        tap: Callable[[Any], None] = lambda _: None,
+        on_message: Callable[[Any], None] = lambda _: None,
         *,
         shared: bool = False,
     ) -> None:
@@ -69,7 +69,7 @@ class Bus:
         self._driver = driver
         self._name = name
         self._hear = hear
-        self._tap = tap
+        self._on_message = on_message
         self._shared = shared
         self._stream = _stream(driver)
         self._sending = threading.Lock()
@@ -83,7 +83,7 @@ class Bus:
         cls,
         connection: Connection,
         hear: Callable[[CanFrame | None], None],
-        tap: Callable[[Any], None] = lambda _: None,
+        on_message: Callable[[Any], None] = lambda _: None,
     ) -> Bus:
         """Open the bus of a profile's ``connection:``.
 
@@ -91,7 +91,7 @@ class Bus:
             UsageError, PlatformError: as `open_driver`.
         """
         name = f"{connection.channel} ({connection.interface})"
-        return cls(open_driver(connection), name, hear, tap, shared=connection.interface == _SHARED)
+        return cls(open_driver(connection), name, hear, on_message, shared=connection.interface == _SHARED)
 
     def send(self, frame: CanFrame) -> bool:
         """Send one frame now or never; return whether the bus took it.
@@ -116,7 +116,7 @@ class Bus:
                 return False
             self._full_since_s = None
         message.is_rx = False
-        self._tap(message)
+        self._on_message(message)
         return True
 
     def close(self) -> None:
@@ -136,7 +136,7 @@ class Bus:
                 if message is not None and self._shared:
                     message.is_rx = True
                 if message is not None and message.is_rx:  # not our own, where a driver echoes what was sent
-                    self._tap(message)
+                    self._on_message(message)
                 self._hear(self._to_frame(message))
         except Exception as error:  # drivers raise what they like; none of it may pass for a silent bus
             self._lose(line_of(error, 120))
