@@ -7,13 +7,13 @@ import json
 import os
 from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from adatracker_deploy.cli.training_options import add_settings, settings_of
 from adatracker_deploy.core.errors import UsageError
 
 if TYPE_CHECKING:
     from adatracker_deploy.evaluation.ablation import ArmScore
-    from adatracker_deploy.learning.train.settings import TrainSettings
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -40,17 +40,12 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "--arm",
         metavar="NAME",
         action="append",
-        help="a variant to compare with the whole method (default: all)",
+        help="a variant to compare with the whole method (default: all that differ from it)",
     )
     parser.add_argument(
         "--seeds", metavar="N", type=int, default=3, help="seeds of each arm (default: %(default)s)"
     )
-    parser.add_argument(
-        "--recipe", metavar="NAME|FILE", default="deploy", help="the data's recipe (default: %(default)s)"
-    )
-    parser.add_argument("--updates", metavar="N", type=int, help="updates of each run")
-    parser.add_argument("--rounds", metavar="N", type=int, help="rounds of DAgger")
-    parser.add_argument("--round-steps", metavar="N", type=int, help="steps visited in each round")
+    add_settings(parser)
     parser.add_argument(
         "--condition",
         metavar="NAME",
@@ -86,7 +81,7 @@ def run(args: argparse.Namespace) -> int:
         PlatformError: a worker process died.
     """
     try:
-        from adatracker_deploy.learning.train.arms import ARMS, WHOLE, of_arm, train_arm
+        from adatracker_deploy.learning.train.arms import ARMS, WHOLE, arms_of, of_arm, train_arm
     except ImportError as error:
         raise UsageError(f"training needs {error.name}: pip install 'adatracker-deploy[train]'") from error
     from adatracker_deploy.cli.counting import counted
@@ -96,15 +91,17 @@ def run(args: argparse.Namespace) -> int:
     for name in ("seeds", "workers", "episodes", "steps"):
         if (value := getattr(args, name)) < 1:
             raise UsageError(f"--{name}: {value} is out of range, at least 1")
-    asked = args.arm or [name for name in ARMS if name != WHOLE]
-    for name in asked:
+    settings = settings_of(args, "ablate")
+    different = arms_of(settings)
+    for name in args.arm or ():
         if name not in ARMS:
             raise UsageError(f"--arm: unknown {name!r}; known are {', '.join(ARMS)}")
+        if name not in different and name != WHOLE:
+            raise UsageError(f"--arm {name}: there is nothing to leave out; it is the same as {WHOLE}")
     conditions = args.condition or ["field", "hard"]
     for name in conditions:
         condition_named(name)
-    arms = list(dict.fromkeys([WHOLE, *asked]))
-    settings = _settings(args)
+    arms = list(dict.fromkeys([WHOLE, *(args.arm or different)]))
     # Seed by seed, so that a table of fewer seeds is ready first.
     places = [(arm, seed) for seed in range(args.seeds) for arm in arms]
     jobs = [(of_arm(settings, arm, seed), args.data, args.out / arm / f"seed-{seed}") for arm, seed in places]
@@ -164,12 +161,3 @@ def _show(args: argparse.Namespace, scored: dict[str, list[ArmScore]]) -> None:
             )
         except OSError as error:
             raise UsageError(f"{args.latex}: cannot be written: {error}") from error
-
-
-def _settings(args: argparse.Namespace) -> TrainSettings:
-    from adatracker_deploy.config.schema import parse
-    from adatracker_deploy.learning.train.settings import TrainSettings
-
-    keys = ("recipe", "updates", "rounds", "round_steps")
-    given: dict[str, Any] = {key: getattr(args, key) for key in keys if getattr(args, key) is not None}
-    return parse(TrainSettings, given, where="ablate")

@@ -8,16 +8,15 @@ import os
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, get_args
+from typing import TYPE_CHECKING
 
 from adatracker_deploy.cli.counting import Count
+from adatracker_deploy.cli.training_options import add_settings, settings_of
 from adatracker_deploy.core.errors import UsageError
 
 if TYPE_CHECKING:
     from adatracker_deploy.learning.train.curves import MetricLogger
     from adatracker_deploy.learning.train.settings import TrainSettings
-
-_VARIANTS = ("identification", "dynamics", "consistency", "encoder", "lstm", "last-action", "search")
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -37,46 +36,10 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         help="a folder of shards or of logged trials, or of such folders",
     )
     parser.add_argument("--out", metavar="DIR", type=Path, required=True, help="the run's folder")
-    parser.add_argument(
-        "--recipe", metavar="NAME|FILE", default="deploy", help="the data's recipe (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--method",
-        choices=("dagger", "cloning", "awr", "cql_sac"),
-        default="dagger",
-        help="training method (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--variant",
-        metavar="NAME",
-        action="append",
-        default=[],
-        help=f"a part to leave out; repeat it for several: {', '.join(f'no-{v}' for v in _VARIANTS)}",
-    )
-    parser.add_argument(
-        "--front",
-        choices=("cnn", "pooled"),
-        help="what looks at a mask: the paper's convolutions, or fixed statistics and two layers, which "
-        "train several times as fast (default: cnn)",
-    )
-    parser.add_argument(
-        "--belief",
-        action="store_true",
-        help="tell the policy where the target was last seen, and what it drove since",
-    )
+    add_settings(parser)
     parser.add_argument(
         "--init", metavar="RUN|BUNDLE", help="start from the weights in another run's folder, or of a bundle"
     )
-    parser.add_argument("--rate", metavar="R", type=float, help="learning rate (default: the method's)")
-    parser.add_argument("--updates", metavar="N", type=int, help="updates in all")
-    parser.add_argument("--critic-updates", metavar="N", type=int, help="updates of awr's critics, at first")
-    parser.add_argument(
-        "--conservative", metavar="W", type=float, help="weight of the conservative term in awr's critics"
-    )
-    parser.add_argument("--rounds", metavar="N", type=int, help="rounds of DAgger")
-    parser.add_argument("--round-steps", metavar="N", type=int, help="steps visited in each round")
-    parser.add_argument("--batch", metavar="N", type=int, help="sequences per batch")
-    parser.add_argument("--length", metavar="N", type=int, help="steps per sequence")
     parser.add_argument("--seed", metavar="S", type=int, help="seed (default: 0)")
     parser.add_argument("--device", default="cpu", help="cpu, cuda or cuda:1 (default: %(default)s)")
     cores = len(os.sched_getaffinity(0))
@@ -117,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
         if (value := getattr(args, name)) < 1:
             raise UsageError(f"--{name}: {value} is out of range, at least 1")
     torch.set_num_threads(args.threads)
-    settings = _settings(args)
+    settings = settings_of(args, "train", init=args.init, seed=args.seed, bfloat16=args.bfloat16)
     begin_s = time.monotonic()
     with Count("updates") as count:
         checkpoint = train(
@@ -146,18 +109,3 @@ def _mlflow(args: argparse.Namespace, settings: TrainSettings) -> MetricLogger:
 
     said = {name: str(value) for name, value in asdict(settings).items()}
     return MlflowRun(args.mlflow, args.out, said, say=lambda text: print(text, file=sys.stderr))
-
-
-def _settings(args: argparse.Namespace) -> TrainSettings:
-    from adatracker_deploy.config.schema import parse
-    from adatracker_deploy.learning.train.settings import TrainSettings, Variant
-
-    for name in args.variant:
-        if name not in get_args(Variant):
-            raise UsageError(f"--variant: unknown {name!r}; known are {', '.join(get_args(Variant))}")
-    keys = (
-        *("recipe", "method", "init", "rate", "updates", "rounds", "round_steps"),
-        *("critic_updates", "conservative", "batch", "length", "seed", "front", "belief", "bfloat16"),
-    )
-    given = {key: getattr(args, key) for key in keys if getattr(args, key) is not None}
-    return parse(TrainSettings, given | {"variants": sorted(set(args.variant))}, where="train")

@@ -11,6 +11,8 @@ from adatracker_deploy.cli import main
 from adatracker_deploy.evaluation.ablation import ArmScore, ablation_latex, ablation_record
 from adatracker_deploy.learning.data.collect import collect
 from adatracker_deploy.learning.data.recipe import load_recipe
+from adatracker_deploy.learning.train.arms import ARMS, WHOLE, arms_of, of_arm
+from adatracker_deploy.learning.train.settings import TrainSettings
 from adatracker_deploy.scoring.stats.intervals import mean_difference
 from tests.tiers import EXHAUSTIVE
 
@@ -54,6 +56,27 @@ def test_an_arm_is_compared_with_the_whole():
     assert "no-encoder & 410/500/1.00 & -40 [" in ablation_latex("field", [whole, arm])
 
 
+@pytest.mark.parametrize(
+    ("settings", "left_out"),
+    [
+        ({}, {"no-belief"}),
+        ({"belief": True}, set()),
+        ({"method": "awr", "belief": True}, {"no-search"}),
+        (
+            {"method": "awr", "variants": ("no-last-action",)},
+            {"no-search", "no-belief", "no-last-action", "neither"},
+        ),
+    ],
+)
+def test_the_arms_are_those_that_leave_something_out_and_no_two_are_the_same(settings, left_out):
+    whole = TrainSettings(recipe="deploy", **settings)
+    arms = arms_of(whole)
+    assert {*arms} == {*ARMS} - {WHOLE} - left_out
+    runs = [of_arm(whole, arm, 0) for arm in (WHOLE, *arms)]
+    assert all(run not in runs[:index] for index, run in enumerate(runs))
+    assert not of_arm(whole, "no-belief", 0).belief
+
+
 @EXHAUSTIVE
 def test_the_table_comes_from_one_command_which_keeps_what_is_finished(tmp_path, capsys):
     data, out = tmp_path / "data", tmp_path / "out"
@@ -82,6 +105,8 @@ def test_the_table_comes_from_one_command_which_keeps_what_is_finished(tmp_path,
     ("wrong", "says"),
     [
         (("--arm", "no-camera"), "unknown 'no-camera'"),
+        (("--arm", "no-belief"), "--arm no-belief: there is nothing to leave out"),
+        (("--variant", "no-camera"), "--variant: unknown 'no-camera'"),
         (("--seeds", "0"), "--seeds: 0 is out of range"),
         (("--condition", "rain"), "unknown condition 'rain'"),
         (("--updates", "0"), "updates"),

@@ -31,6 +31,7 @@ ARMS: dict[str, tuple[Variant, ...]] = {
     "no-consistency": ("no-consistency",),
     "no-lstm": ("no-lstm",),
     "no-search": ("no-search",),
+    "no-belief": (),
 }
 """By name: what is left out. `no-encoder` gets its last action instead of a context, `no-last-action` is
 the paper's policy, `neither` is Offline EVT's on the same data."""
@@ -68,5 +69,22 @@ def train_arm(settings: TrainSettings, data: list[Path], folder: Path) -> Path:
 
 
 def of_arm(settings: TrainSettings, arm: str, seed: int) -> TrainSettings:
-    """Return the settings of an arm's run from a training seed."""
-    return replace(settings, variants=tuple(sorted(ARMS[arm])), seed=seed)
+    """Return the settings of an arm's run from a training seed: the whole's, less what the arm leaves out."""
+    variants = tuple(sorted({*settings.variants, *ARMS[arm]}))
+    belief = settings.belief and arm != "no-belief"
+    return replace(settings, variants=variants, belief=belief, seed=seed)
+
+
+def arms_of(settings: TrainSettings) -> list[str]:
+    """Return the arms that leave something out of what these settings train, one of each that are the same.
+
+    Only DAgger's labels search.
+    """
+    known = [of_arm(settings, WHOLE, 0)]
+    found = []
+    for arm in ARMS:
+        run = of_arm(settings, arm, 0)
+        if run not in known and (arm != "no-search" or settings.method == "dagger"):
+            known.append(run)
+            found.append(arm)
+    return found
