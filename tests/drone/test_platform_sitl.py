@@ -56,6 +56,7 @@ class AgainstTheManual(PlatformConformance):
         return values[-1].encode()
 
 
+@EXHAUSTIVE
 class TestDroneInSitl(AgainstTheManual):
     platform_class = DronePlatform
     clock_speed = 5.0

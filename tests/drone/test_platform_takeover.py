@@ -53,6 +53,7 @@ def take_over_and_stop(drone, platform, mode, after_s):
     return switched_s
 
 
+@EXHAUSTIVE
 def test_a_pilot_is_never_overridden_whenever_the_stop_comes(measured, exhaustive):
     cases = list(itertools.product(PILOTS, MOMENTS_S))
     if not exhaustive:  # each mode once, each at another moment

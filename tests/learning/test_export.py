@@ -253,6 +253,7 @@ def tool(folder, *arguments):
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
 
 
+@EXHAUSTIVE
 def test_the_tool_exports_and_sums_up(checkpoint, tmp_path):
     done = tool(tmp_path, checkpoint, "--out", "b", "--interface", "window")
     assert (done.returncode, done.stderr) == (0, "")

@@ -13,6 +13,7 @@ from adatracker_deploy.learning.train.agent import Agent, Sequences
 from adatracker_deploy.learning.train.awr import Awr
 from adatracker_deploy.learning.train.critics import StateCritics
 from adatracker_deploy.learning.train.settings import TrainSettings
+from tests.tiers import EXHAUSTIVE
 
 pytestmark = pytest.mark.slow
 
@@ -48,6 +49,7 @@ def test_neither_a_label_of_the_expert_nor_anything_else_but_logged_steps_enters
         assert torch.equal(value, plain[name]), name
 
 
+@EXHAUSTIVE
 def test_critics_prefer_the_clean_action_to_the_perturbed_one(data):
     """Which of the two was executed is all that they are told; the clean one is known here alone."""
     torch.manual_seed(0)

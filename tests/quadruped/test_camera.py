@@ -29,7 +29,7 @@ from adatracker_quadruped.protocol.publisher import Publisher
 from adatracker_quadruped.protocol.rehearsal_keys import Fault, SitlKeys, encode_stamped_truth
 from tests.quadruped.rehearsal import goes_wrong, rehearsed, simulator
 from tests.quadruped.routers import free_port, robot, until
-from tests.tiers import EXHAUSTIVE
+from tests.tiers import EXHAUSTIVE, sampled
 
 pytestmark = pytest.mark.slow
 
@@ -59,7 +59,7 @@ class Lens:
         self.put(encode_compressed_image(CompressedImage(stamp_ns, "png", memoryview(data))))
 
 
-@pytest.fixture(params=["ros2dds", "rmw_zenoh"])
+@pytest.fixture(params=sampled(("ros2dds", "rmw_zenoh"), everyday=("rmw_zenoh",)))
 def profile(request):
     return rehearsed(endpoint=f"tcp/127.0.0.1:{free_port()}", dialect=request.param, namespace="robot1")
 
