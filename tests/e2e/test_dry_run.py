@@ -159,6 +159,7 @@ def test_in_two_of_three_films_with_a_moving_camera_the_person_is_kept_to_the_en
     assert sum(kept) >= 2
 
 
+@EXHAUSTIVE
 @needs_video
 @pytest.mark.parametrize("name", FILMS)
 def test_from_one_frame_to_the_next_the_box_is_never_somebody_elses(films, name):
@@ -169,6 +170,7 @@ def test_from_one_frame_to_the_next_the_box_is_never_somebody_elses(films, name)
             assert before.box.iou(after.box) > 1 / 3, f"frames {before.seq} and {after.seq}"
 
 
+@EXHAUSTIVE
 @needs_video
 @pytest.mark.parametrize("name", FILMS)
 def test_states_boxes_and_masks_say_the_same(films, name):

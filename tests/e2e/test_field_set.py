@@ -15,7 +15,7 @@ from tests.tiers import EXHAUSTIVE
 
 from .conftest import COMMAND
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(150)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(150), EXHAUSTIVE]
 
 SET = ("--platform", "wheeled", "--sitl", "--segmenter", "truth", "--trials", "2", "--steps", "30", "--ask")
 ANSWERS = {
@@ -52,7 +52,6 @@ def the_trials(capsys, folder):
     return json.loads(capsys.readouterr().out)["trials"]
 
 
-@EXHAUSTIVE
 def test_both_trials_ran_and_are_listed_as_they_were_marked(operated, capsys):
     folder, status, said = operated
     rows = the_trials(capsys, folder)

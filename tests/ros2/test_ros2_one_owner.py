@@ -122,10 +122,11 @@ def test_another_program_on_this_machine_cannot_have_the_same_robot(robot):
             second.connect()
 
 
+@EXHAUSTIVE
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "elsewhere",
-    [(), pytest.param(("--elsewhere",), marks=EXHAUSTIVE)],
+    [(), ("--elsewhere",)],
     ids=["one machine", "two machines"],
 )
 def test_of_two_that_start_at_once_never_both_have_the_robot(robot, elsewhere, measured, exhaustive):

@@ -70,6 +70,7 @@ def test_ctrl_c_while_it_engages_moves_nothing(drive, robot):
     assert max(sample.speed_m_s for sample in robot.watcher.samples) < STILL_M_S
 
 
+@EXHAUSTIVE
 def test_ctrl_c_while_it_drives(drive, robot, measured):
     run = drive("--steps", "2000", "--json")
     strike(measured, robot, "Ctrl-C", lambda: run.process.send_signal(signal.SIGINT), TOLD_S)
