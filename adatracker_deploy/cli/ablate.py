@@ -97,7 +97,9 @@ def run(args: argparse.Namespace) -> int:
         if name not in ARMS:
             raise UsageError(f"--arm: unknown {name!r}; known are {', '.join(ARMS)}")
         if name not in different and name != WHOLE:
-            raise UsageError(f"--arm {name}: there is nothing to leave out; it is the same as {WHOLE}")
+            raise UsageError(
+                f"--arm {name}: leaves out nothing here that no other does: choose of {', '.join(different)}"
+            )
     conditions = args.condition or ["field", "hard"]
     for name in conditions:
         condition_named(name)

@@ -18,8 +18,10 @@ def line_of(error: BaseException, most: int = 300) -> str:
     """Return another library's error as one line, to put into a sentence of ours.
 
     It is the error's text, of at most `most` characters, without line breaks and without the traceback that
-    some libraries add to it; where it has no text, the error's type.
+    some libraries add to it; where it has no text, the error's type. The system's errors are told by the file
+    that they are about and in its words, without their number.
     """
-    text = getattr(error, "strerror", None) or str(error)
+    text, about = getattr(error, "strerror", None), getattr(error, "filename", None)
+    text = f"{about}: {text}" if text and about is not None else text or str(error)
     line = " ".join(str(text).partition(_TRACEBACK)[0].split())
     return line[:most].rstrip(". ") or type(error).__name__

@@ -27,6 +27,9 @@ def test_a_traceback_in_it_is_cut_off():
     assert line_of(ValueError(TRACEBACK)) == "ValueError"
 
 
-def test_the_systems_own_words_are_told_without_their_number():
+def test_the_systems_own_words_are_told_without_their_number_and_with_the_file():
+    assert (
+        line_of(OSError(28, "No space left on device", "/trials/1")) == "/trials/1: No space left on device"
+    )
     assert line_of(ConnectionResetError(104, "Connection reset by peer")) == "Connection reset by peer"
     assert line_of(KeyError()) == "KeyError"

@@ -105,7 +105,7 @@ def test_the_table_comes_from_one_command_which_keeps_what_is_finished(tmp_path,
     ("wrong", "says"),
     [
         (("--arm", "no-camera"), "unknown 'no-camera'"),
-        (("--arm", "no-belief"), "--arm no-belief: there is nothing to leave out"),
+        (("--arm", "no-belief"), "--arm no-belief: leaves out nothing here"),
         (("--variant", "no-camera"), "--variant: unknown 'no-camera'"),
         (("--seeds", "0"), "--seeds: 0 is out of range"),
         (("--condition", "rain"), "unknown condition 'rain'"),
