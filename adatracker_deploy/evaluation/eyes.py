@@ -6,17 +6,18 @@ What the eyes see is judged by the truth of the same picture, pixel by pixel.
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.messages import Box, Click
 from adatracker_deploy.core.sight import Verdict, judged
 from adatracker_deploy.core.task import FIRST_SIGHT_S
 from adatracker_deploy.perception.jpeg import developed
 from adatracker_deploy.perception.segmenters import OF_REHEARSALS, open_segmenter
-from adatracker_deploy.perception.target.choice import Choice
+from adatracker_deploy.perception.target.choice import BY_CLICK, Choice
 from adatracker_deploy.sim.studio import Eye
 
 if TYPE_CHECKING:
@@ -25,6 +26,10 @@ if TYPE_CHECKING:
     from adatracker_deploy.core.sight import Sight
     from adatracker_deploy.perception.segmenter import Segmenter
     from adatracker_deploy.sim.task import Task
+
+_SIZE = (640, 480)
+"""Width and height of the pictures, px."""
+EYES_ASPECT = _SIZE[1] / _SIZE[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,12 +59,12 @@ def check_eyes(segmenter: str) -> None:
 
 @functools.cache
 def eyes_of(segmenter: str) -> Segmenter:
-    """Return a segmenter, opened once a process; the largest person is its target.
+    """Return a segmenter, opened once a process; its target is whom the operator clicks on.
 
     Raises:
         UsageError: no such name.
     """
-    return open_segmenter(segmenter, "person", Choice())[0]
+    return open_segmenter(segmenter, "person", Choice(rule=BY_CLICK))[0]
 
 
 class Eyes:
@@ -73,26 +78,29 @@ class Eyes:
 
     def __init__(self, task: Task, segmenter: Segmenter, road: RoadClass = "smooth") -> None:
         self._task, self._segmenter = task, segmenter
-        self._eye = Eye(task.world, task.settings.fov_rad, seed=0, road=road)
+        self._eye = Eye(task.world, task.settings.fov_rad, _SIZE, seed=0, road=road)
         self._seq = 0
         self._sights: list[Sight] = []
         segmenter.reset()
 
     def first_sight(self) -> Observation | None:
-        """Look until the target is seen, standing still; None if it is not."""
+        """Look until the target is seen, standing still, the operator clicking on it; None if it is not."""
         for _ in range(round(FIRST_SIGHT_S * self._task.settings.rate_hz)):
-            seen = self.look()
+            seen = self.look(clicking=True)
             if seen.box is not None:
                 return seen
         return None
 
-    def look(self) -> Observation:
-        """Return what the eyes see now."""
+    def look(self, *, clicking: bool = False) -> Observation:
+        """Return what the eyes see now, the operator `clicking` on the middle of the target or not."""
         self._seq += 1
         t_ns = round(self._seq * 1e9 / self._task.settings.rate_hz)
         body = self._task.body
         shot = self._eye.take(t_ns, self._seq, body.pose, body.camera_pose)
-        seen = self._segmenter(developed(shot))
+        frame, box = developed(shot), Box.of_mask(shot.truth.mask)
+        if clicking and box is not None:
+            frame = replace(frame, click=Click(self._seq, self._seq, box.cx, box.cy))
+        seen = self._segmenter(frame)
         self._sights.append(judged(seen.mask, shot.truth))
         return seen
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from adatracker_deploy.core.errors import UsageError
-from adatracker_deploy.evaluation.eyes import check_eyes
+from adatracker_deploy.evaluation.eyes import EYES_ASPECT, check_eyes
 from adatracker_deploy.evaluation.play import Episode
 from adatracker_deploy.learning.conditions import HEIGHTS_M, TARGET_SPEEDS_M_S, condition_named, make_cell
 from adatracker_deploy.learning.episode_spec import RATE_HZ
@@ -96,6 +96,7 @@ class Grid:
                     cell.target_speed_m_s,
                     self._episode_seed(index, number),
                     scene=self.scene,
+                    aspect=1.0 if self.segmenter == TRUTH else EYES_ASPECT,
                 )
             ]
             for policy in self.policies

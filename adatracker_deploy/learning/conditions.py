@@ -18,7 +18,7 @@ from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.change import Change
 from adatracker_deploy.learning.embodiment import Embodiment
 from adatracker_deploy.learning.episode_spec import EpisodeSpec
-from adatracker_deploy.learning.view import pitch_in_view_deg
+from adatracker_deploy.learning.view import pitch_in_view_deg, vertical_fov_deg
 from adatracker_deploy.sim.noise import NoiseLevel
 from adatracker_deploy.sim.path import PathName
 
@@ -135,6 +135,7 @@ def make_cell(
     seed: int,
     *,
     scene: str = "simple_room",
+    aspect: float = 1.0,
 ) -> EpisodeSpec:
     """Return one episode of a cell; every policy that is given the same seed meets the same episode.
 
@@ -144,6 +145,7 @@ def make_cell(
         target_speed_m_s: of everybody in the world.
         seed: see `seeds` for which to use.
         scene: its name.
+        aspect: of the pictures, see `Embodiment`; the pitch follows from it.
 
     Raises:
         UsageError: there is no such condition.
@@ -155,8 +157,11 @@ def make_cell(
     low, high = condition.delay_steps
     embodiment = Embodiment(
         height_m=height_m,
-        pitch_deg=pitch_in_view_deg(float(rng.uniform(*condition.pitch_deg)), height_m, fov_deg),
+        pitch_deg=pitch_in_view_deg(
+            float(rng.uniform(*condition.pitch_deg)), height_m, vertical_fov_deg(fov_deg, aspect)
+        ),
         fov_deg=fov_deg,
+        aspect=aspect,
         forward_m_s=max(1.0, 1.3 * target_speed_m_s),
         yaw_rate_rad_s=YAW_RATE_RAD_S * float(rng.uniform(*condition.yaw_rate_scale)),
         lag_s=float(rng.uniform(*condition.lag_s)),

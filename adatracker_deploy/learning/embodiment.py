@@ -12,6 +12,7 @@ from adatracker_deploy.config.schema import Range
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.core.geometry import Pose
 from adatracker_deploy.core.messages import Twist
+from adatracker_deploy.learning.view import vertical_fov_deg
 from adatracker_deploy.platform import Body, CameraMount
 from adatracker_deploy.registry import load_platform, load_profile, platform_names
 from adatracker_deploy.sim.bodies import DriveSettings, KinematicBody
@@ -33,7 +34,9 @@ class Embodiment:
     pitch_deg: Annotated[float, Range(-90, 90)] = 0.0
     """Pitch of the camera; positive looks down."""
     fov_deg: Annotated[float, Range(20, 150)] = 90.0
-    """Horizontal, and vertical: policies are shown a square."""
+    """Horizontal."""
+    aspect: Annotated[float, Range(0.25, 1)] = 1.0
+    """Height of a picture as a share of its width; policies are shown it in the middle of a square."""
     forward_m_s: Annotated[float, Range(0.05, 30)] = 1.3
     backward_m_s: Annotated[float, Range(0, 30)] = 1.3
     yaw_rate_rad_s: Annotated[float, Range(0.05, 10)] = math.radians(120.0)
@@ -42,6 +45,11 @@ class Embodiment:
     (`DRONE_LAG_S`)."""
     delay_s: Annotated[float, Range(0, 2)] = 0.0
     """From a command to its first effect; as for `lag_s`, not imposed on a drone."""
+
+    @property
+    def vertical_fov_deg(self) -> float:
+        """Return the vertical field of view."""
+        return vertical_fov_deg(self.fov_deg, self.aspect)
 
     def limits(self) -> Limits:
         """Return the speeds for an action of 1; accelerations are left to the body's lag."""

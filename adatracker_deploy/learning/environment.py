@@ -25,6 +25,7 @@ from adatracker_deploy.learning.data.recipe import load_recipe
 from adatracker_deploy.learning.episode_spec import MASK_SIZE, EpisodeSpec
 from adatracker_deploy.learning.seeds import TRAINING
 from adatracker_deploy.learning.tracking import Tracking
+from adatracker_deploy.policy.drawing import squared
 from adatracker_deploy.sim.worlds import check_scene
 
 Observed = NDArray[np.uint8]
@@ -134,7 +135,7 @@ class TrackingEnv(gymnasium.Env[Observed, NDArray[np.float32]]):
         return make_cell(self._condition, height_m, target_speed_m_s, seed)
 
     def _observed(self, mask: Observed) -> Observed:
-        return mask if self._observe == "mask" else self._image(MASK_SIZE)
+        return squared(mask) if self._observe == "mask" else self._image(MASK_SIZE)
 
     def _image(self, size: int) -> NDArray[np.uint8]:
         if self.tracking is None:

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 RATE_HZ = 10.0
 """Rate of learning and evaluation, Hz: the one at which the published policy reproduced its scores."""
 MASK_SIZE = 64
-"""Masks are rendered at the networks' size: nothing is resampled, as at deployment with ``draw_size`` 64."""
+"""Masks are rendered as wide as the networks' are: nothing is resampled, as at deployment with ``draw_size``
+64."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,10 +72,10 @@ class EpisodeSpec:
         return MaskNoise.of_level(self.noise, seed=self.seed)
 
     def task_settings(self, steps: int = 500) -> TaskSettings:
-        """Return the rules: 10 Hz, 64 x 64 masks, this body's field of view."""
+        """Return the rules: 10 Hz, masks 64 wide, this body's field of view."""
         return TaskSettings(
             rate_hz=RATE_HZ,
             steps=steps,
-            mask_size=(MASK_SIZE, MASK_SIZE),
+            mask_size=(round(MASK_SIZE * self.embodiment.aspect), MASK_SIZE),
             fov_rad=math.radians(self.embodiment.fov_deg),
         )

@@ -1,4 +1,4 @@
-"""Computes the camera pitch that keeps a person at the task's distance in view."""
+"""Computes a camera's view: its vertical field, and the pitch that keeps a person at the task's distance in it."""
 
 from __future__ import annotations
 
@@ -10,6 +10,16 @@ _CHEST_M = 1.3
 """Height to be seen: the middle of a trunk. A level camera at 3 m sees it, at 90 degrees, and no legs."""
 _INNER = 0.9
 """Within this share of half the field of view, by angle."""
+
+
+def vertical_fov_deg(fov_deg: float, aspect: float) -> float:
+    """Return the vertical field of view of a pinhole camera.
+
+    Args:
+        fov_deg: horizontal.
+        aspect: height of the picture as a share of its width.
+    """
+    return math.degrees(2.0 * math.atan(aspect * math.tan(math.radians(fov_deg) / 2.0)))
 
 
 def pitch_in_view_deg(pitch_deg: float, height_m: float, fov_deg: float) -> float:

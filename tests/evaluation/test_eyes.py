@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.core.messages import Box, MaskClass, Observation
 from adatracker_deploy.evaluation import eyes as eyes_module
-from adatracker_deploy.evaluation.eyes import FIRST_SIGHT_S, Eyes, check_eyes
+from adatracker_deploy.evaluation.eyes import EYES_ASPECT, FIRST_SIGHT_S, Eyes, check_eyes
 from adatracker_deploy.evaluation.grid import Grid
 from adatracker_deploy.evaluation.play import Episode, play
 from adatracker_deploy.learning.conditions import make_cell
@@ -88,3 +90,51 @@ def test_what_looks_at_no_pictures_is_refused():
 def test_the_truth_s_grid_is_the_paper_s_and_the_eyes_is_not():
     assert Grid(policies=("pid",)).is_the_papers
     assert not Grid(policies=("pid",), segmenter="embedded").is_the_papers
+
+
+class Clicked(Blind):
+    """Remembers where the operator clicked, and takes the third click."""
+
+    def __init__(self):
+        super().__init__()
+        self.clicks = []
+
+    def __call__(self, frame):
+        if frame.click is not None:
+            self.clicks.append((frame.click, frame.seq))
+        self.until = 0 if len(self.clicks) >= 3 else None
+        return super().__call__(frame)
+
+
+def test_the_operator_clicks_on_the_middle_of_the_target_until_it_is_followed_and_not_again():
+    clicked = Clicked()
+    eyes = Eyes(task(), clicked)
+    seen = eyes.first_sight()
+    assert seen.seq == len(clicked.clicks) == 3
+    for click, seq in clicked.clicks:
+        assert click.seq == seq
+        assert click.x == pytest.approx(0.5, abs=0.05)  # the robot stands 2.5 m behind the target
+        assert 0.3 < click.y < 0.8
+    eyes.look()
+    assert len(clicked.clicks) == 3
+
+
+def test_the_shipped_eyes_begin_with_whom_the_operator_means_although_somebody_else_is_larger():
+    """The target's legs are below the picture; somebody else, further off, fills more of it."""
+    spec = make_cell("field", 3.0, 3.0, 13_470_000, aspect=1.0)
+    tracking = Tracking(spec)
+    tracking.begin()
+    eyes = Eyes(tracking.task, eyes_module.eyes_of("embedded"))
+    eyes.first_sight()
+    assert eyes.summary().wrong == 0.0
+    assert eyes.summary().seen > 0.0
+
+
+def test_bodies_that_see_through_pictures_have_the_target_in_view_in_these():
+    for episode in Grid(policies=("pid",), condition="field", episodes=1, segmenter="embedded").plan():
+        body = episode.spec.embodiment
+        assert body.aspect == EYES_ASPECT == 0.75
+        assert Tracking(episode.spec).begin().box is not None
+        down = math.degrees(math.atan2(body.height_m - 1.3, 2.5))
+        assert abs(down - body.pitch_deg) <= 0.45 * body.vertical_fov_deg + 1e-6
+    assert {episode.spec.embodiment.aspect for episode in Grid(policies=("pid",)).plan()} == {1.0}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -13,7 +14,10 @@ from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.core.geometry import Pose
 from adatracker_deploy.core.messages import Twist
 from adatracker_deploy.learning import embodiment as module
+from adatracker_deploy.learning.conditions import make_cell
 from adatracker_deploy.learning.embodiment import Embodiment
+from adatracker_deploy.learning.seeds import TUNING
+from adatracker_deploy.learning.tracking import Tracking
 from adatracker_deploy.learning.view import pitch_in_view_deg
 
 DT_S = 0.1
@@ -96,3 +100,18 @@ def test_a_pitch_is_moved_no_further_than_a_chest_in_view_needs(pitch, height, f
     off_axis = math.degrees(math.atan2(height - 1.3, 2.5)) - moved
     assert abs(off_axis) <= 0.45 * fov + 1e-6
     assert moved == pitch or abs(off_axis) == pytest.approx(0.45 * fov)
+
+
+@pytest.mark.parametrize(
+    ("fov", "aspect", "vertical"), [(90, 1.0, 90.0), (90, 0.75, 73.74), (60, 0.5625, 35.98)]
+)
+def test_the_vertical_field_of_view_is_a_pinhole_cameras(fov, aspect, vertical):
+    assert Embodiment(fov_deg=fov, aspect=aspect).vertical_fov_deg == pytest.approx(vertical, abs=0.01)
+
+
+def test_a_mask_that_is_wider_than_high_shows_the_middle_of_a_square_one():
+    square = make_cell("clean", 1.0, 1.0, TUNING[3])
+    wide = dataclasses.replace(square, embodiment=dataclasses.replace(square.embodiment, aspect=0.75))
+    whole, middle = Tracking(square).begin().mask, Tracking(wide).begin().mask
+    assert middle.shape == (48, 64)
+    assert np.array_equal(middle, whole[8:-8])

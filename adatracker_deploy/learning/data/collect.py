@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from adatracker_deploy.core.camera import is_unreal
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.data.perturbation import Perturbation
-from adatracker_deploy.learning.data.recipe import Recipe
+from adatracker_deploy.learning.data.recipe import Recipe, parse_recipe
 from adatracker_deploy.learning.data.rollout import Rollout
 from adatracker_deploy.learning.data.shard import (
     SCHEMA,
@@ -111,29 +111,21 @@ def _is_done(path: Path, steps: int) -> bool:
     return path.exists() and len(read_shard(path).steps) == steps
 
 
-def _without_defaults(about: Any) -> Any:
-    """Leave out of a folder's purpose what says nothing: a collection may be older than a recipe's key."""
-    recipe = about.get("recipe") if isinstance(about, dict) else None
-    if not isinstance(recipe, dict):
-        return about
-    defaults = {
-        field.name: _plain(field.default)
-        for field in dataclasses.fields(Recipe)
-        if field.default is not dataclasses.MISSING
-    }
-    return about | {
-        "recipe": {key: value for key, value in recipe.items() if value != defaults.get(key, ...)}
-    }
+def _purpose(about: Any) -> tuple[Any, Any, Recipe] | None:
+    """Return schema, seed and recipe of what a folder is for, which may be older than a recipe's key.
 
-
-def _plain(value: Any) -> Any:
-    """Return a recipe's value as its JSON has it."""
-    return dataclasses.asdict(value) if dataclasses.is_dataclass(value) else value  # type: ignore[arg-type]
+    None for what no version has written.
+    """
+    try:
+        recipe = parse_recipe(about["recipe"], where=_ABOUT, name="")
+        return about["schema"], about["seed"], recipe
+    except (UsageError, KeyError, TypeError):
+        return None
 
 
 def _claim(out_dir: Path, recipe: Recipe, seed: int) -> None:
     """Write down what a folder is for, or see that it is for the same."""
-    about = json.loads(json.dumps({"schema": SCHEMA, "seed": seed, "recipe": dataclasses.asdict(recipe)}))
+    about = {"schema": SCHEMA, "seed": seed, "recipe": dataclasses.asdict(recipe)}
     path = out_dir / _ABOUT
     try:
         out_dir.mkdir(parents=True, exist_ok=True)
@@ -145,7 +137,7 @@ def _claim(out_dir: Path, recipe: Recipe, seed: int) -> None:
         found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise UsageError(f"{path}: cannot be used: {error}") from error
-    if _without_defaults(found) != _without_defaults(about):
+    if _purpose(found) != (SCHEMA, seed, recipe):
         raise UsageError(
             f"{out_dir}: holds another collection (recipe, seed or schema differ); name another folder"
         )

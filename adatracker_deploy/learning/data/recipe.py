@@ -18,7 +18,7 @@ from adatracker_deploy.learning.change import Change
 from adatracker_deploy.learning.embodiment import DRONE_DELAY_S, DRONE_LAG_S, BodyKind, Embodiment
 from adatracker_deploy.learning.episode_spec import RATE_HZ, EpisodeSpec
 from adatracker_deploy.learning.expert import DEFAULT_GAINS, ExpertGains
-from adatracker_deploy.learning.view import pitch_in_view_deg
+from adatracker_deploy.learning.view import pitch_in_view_deg, vertical_fov_deg
 from adatracker_deploy.sim.noise import NoiseLevel
 from adatracker_deploy.sim.path import PathName
 from adatracker_deploy.sim.scenes import scene_names
@@ -78,6 +78,8 @@ class Recipe:
     pitch_deg: Spread
     """Moved as little as is needed to have the target in view at the start."""
     fov_deg: Spread
+    aspect: Spread = OneOf(one_of=(1.0,))
+    """Height of a picture as a share of its width: 0.75 is that of most cameras."""
     forward_m_s: Spread
     """The body's limit."""
     backward_share: Spread
@@ -109,7 +111,8 @@ class Recipe:
         rng = np.random.default_rng([seed, 0x4EC1])
         kind = _weighted(rng, self.kinds)
         height_m, fov_deg = self.height_m.draw(rng), self.fov_deg.draw(rng)
-        pitch_deg = pitch_in_view_deg(self.pitch_deg.draw(rng), height_m, fov_deg)
+        aspect = self.aspect.draw(np.random.default_rng([seed, 0xA59EC7]))
+        pitch_deg = pitch_in_view_deg(self.pitch_deg.draw(rng), height_m, vertical_fov_deg(fov_deg, aspect))
         forward_m_s = self.forward_m_s.draw(rng)
         others = round(self.others.draw(rng))
         embodiment = Embodiment(
@@ -117,6 +120,7 @@ class Recipe:
             height_m=height_m,
             pitch_deg=pitch_deg,
             fov_deg=fov_deg,
+            aspect=aspect,
             forward_m_s=forward_m_s,
             backward_m_s=forward_m_s * self.backward_share.draw(rng),
             yaw_rate_rad_s=math.radians(self.yaw_rate_deg_s.draw(rng)),

@@ -11,6 +11,7 @@ from adatracker_deploy.learning.data.state import StateColumns
 from adatracker_deploy.learning.expert import DEFAULT_GAINS, Expert, ExpertGains
 from adatracker_deploy.learning.tracking import ACTION, Tracking
 from adatracker_deploy.policy.base import to_twist
+from adatracker_deploy.policy.drawing import squared
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -36,12 +37,12 @@ class Rollout:
         """
         self._spec = spec
         self._tracking = Tracking(spec, spec.task_settings(steps))
-        self.mask: ClassMask = self._tracking.begin().mask
+        self.mask: ClassMask = squared(self._tracking.begin().mask)
         self._guide = Expert(self._tracking, gains)
         self._columns = StateColumns(self._tracking)
         self._states = [self._columns.row()]
         """One more than steps: the last is where the episode ends."""
-        self.expert: NDArray[np.float32] = self._guide.act()
+        self.expert: NDArray[np.float32] = self._guide.act(self.mask)
         self.ended = False
         self._dropped = False
         self._masks: list[ClassMask] = []
@@ -61,9 +62,9 @@ class Rollout:
         self._states.append(self._columns.row())
         lost = tick.end == "lost"
         self._rows.append((action, self.expert, tick.reward, tick.visible, self._dropped, lost))
-        self.mask, self._dropped, self.ended = tick.observation.mask, tick.dropped, bool(tick.end)
+        self.mask, self._dropped, self.ended = squared(tick.observation.mask), tick.dropped, bool(tick.end)
         self._guide.executed(command)
-        self.expert = self._guide.act()
+        self.expert = self._guide.act(self.mask)
 
     def record(self) -> tuple[EpisodeHeader, Steps]:
         """Return what happened so far, at least one step."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -191,3 +192,17 @@ def test_the_command_collects_and_tells_so_in_json(tmp_path, capsys):
 def test_the_command_refuses_what_makes_no_sense(tmp_path, wrong, capsys):
     assert main(["collect", "--out", str(tmp_path / "data"), *wrong]) == 2
     assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_a_mask_that_is_wider_than_high_is_kept_in_the_middle_of_a_square():
+    _, steps = perturbed_episode(tiny.recipe(aspect={"one_of": [0.5]}), seed=5, steps=10)
+    masks = unpack_masks(steps.masks)
+    assert masks.shape == (10, 64, 64)
+    assert not masks[:, :16].any() and not masks[:, -16:].any()
+    assert masks[:, 16:-16].any()
+
+
+def test_a_recipe_s_other_draws_do_not_depend_on_its_pictures():
+    square, wide = tiny.recipe().draw(7), tiny.recipe(aspect={"one_of": [0.75]}).draw(7)
+    body = dataclasses.replace(wide.embodiment, aspect=1.0, pitch_deg=square.embodiment.pitch_deg)
+    assert dataclasses.replace(wide, embodiment=body) == square
