@@ -1,4 +1,4 @@
-"""Computes a camera's view: its vertical field, and the pitch that keeps a person at the task's distance in it."""
+"""Computes a camera's view: its vertical field, and the pitch that keeps a person at 2.5 m in it."""
 
 from __future__ import annotations
 

@@ -118,7 +118,7 @@ BELIEVES = ExpertGains(settling_s=0.2, lead=0.15, believes=True)
 
 
 def blinded(spec, gains, blank_steps):
-    """Stand still with the target in view, then be shown it no more: the actions of so many steps, and the ticks."""
+    """Stand still with the target in view, then be shown it no more; return the actions and the ticks."""
     tracking = Tracking(spec)
     tracking.begin()
     expert = Expert(tracking, gains)
@@ -145,7 +145,8 @@ def test_one_that_believes_lets_the_target_walk_on_for_a_while_and_then_turns_ro
     coasts = slice(5, 5 + round(10 * COAST_S))
     assert np.abs(believed[coasts] - knowing[coasts]).max() < 0.2
     searches = believed[6 + round(10 * SEARCH_S) :]
-    assert np.all(searches[:, 0] == 0.0) and np.all(np.abs(searches[:, 1]) == 1.0)
+    assert np.all(searches[:, 0] == 0.0)
+    assert np.all(np.abs(searches[:, 1]) == 1.0)
     assert len(set(searches[:, 1])) == 1
 
 
