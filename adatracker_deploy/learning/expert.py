@@ -57,8 +57,8 @@ class ExpertGains:
     """Share of the target's turning that is taken to go on."""
     believes: bool = False
     """It knows where the target is only while the mask shows it. After that it believes the target to walk on
-    for `COAST_S` and then to stand; from `SEARCH_S` on it turns round, to the side of that place. On 64 tuning
-    episodes of `hard` (settling 0.2 s, lead 0.15) it has 361/493/0.97, and 424/500/1.00 without this."""
+    for `COAST_S` and then to stand; from `SEARCH_S` on it turns round, to the side of that place. On 64
+    tuning episodes of `hard` (settling 0.2 s, lead 0.15) it has 361/493/0.97, and 424/500/1.00 without this."""
 
 
 DEFAULT_GAINS = ExpertGains()
@@ -136,9 +136,7 @@ class Expert:
         self._seen, self._gap_s = (x, y), 0.0
 
     def _believe(self) -> None:
-        self._seen = (
-            self._tracking.task.world.target_xy
-        )  # what the velocity is measured from at the next sight
+        self._seen = self._tracking.task.world.target_xy  # the next sight's velocity is measured from here
         self._gap_s += _DT_S
         self._turning *= self._gains.curve
         self._heading = wrap_angle(self._heading + self._turning * _DT_S)
