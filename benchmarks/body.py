@@ -3,9 +3,9 @@
 python benchmarks/body.py [--condition wide ...] [--episodes 4] [--seed 77] [--workers 2]
 
 The expert sees where everybody is, so nothing but its idea of the body is wrong: the most that a context
-could bring to a policy which knows all else. It is told, in turn, the truth; the truth but for one thing, which
-is that of the middle of the condition's ranges; and such a body altogether, which also knows of no change.
-Differences are paired by episode; cells are the independent values.
+could bring to a policy which knows all else. It is told, in turn, the truth; the truth but for one thing,
+which is that of the middle of the condition's ranges; and such a body altogether, which also knows of no
+change. Differences are paired by episode; cells are the independent values.
 """
 
 from __future__ import annotations
