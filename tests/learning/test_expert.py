@@ -136,18 +136,20 @@ def test_one_that_believes_acts_on_the_truth_as_long_as_the_mask_shows_the_targe
     assert np.array_equal(blinded(spec, BELIEVES, 0)[0], blinded(spec, gains, 0)[0])
 
 
-def test_one_that_believes_lets_the_target_walk_on_for_a_while_and_then_turns_round_on_the_spot():
+def test_one_that_believes_lets_the_target_walk_on_for_a_while_and_then_turns_to_where_it_last_saw_it():
     """The target walks straight on, so the belief is right while it coasts, and knows nothing after that."""
     spec = dataclasses.replace(make_cell("clean", 1.0, 0.5, TUNING[9]), path="s_path", scene="parking_lot")
     blank = round(10 * SEARCH_S) + 10
-    believed, _ = blinded(spec, BELIEVES, blank)
+    believed, ticks = blinded(spec, BELIEVES, blank)
     knowing, _ = blinded(spec, dataclasses.replace(BELIEVES, believes=False), blank)
     coasts = slice(5, 5 + round(10 * COAST_S))
     assert np.abs(believed[coasts] - knowing[coasts]).max() < 0.2
     searches = believed[6 + round(10 * SEARCH_S) :]
     assert np.all(searches[:, 0] == 0.0)
     assert np.all(np.abs(searches[:, 1]) == 1.0)
-    assert len(set(searches[:, 1])) == 1
+    last_sight = ticks[3].truth.bearing_rad
+    assert abs(last_sight) > 1e-4
+    assert np.all(searches[:, 1] == np.sign(last_sight))
 
 
 def test_what_it_believes_depends_on_nothing_that_happens_in_a_gap():

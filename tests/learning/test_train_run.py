@@ -110,19 +110,26 @@ def test_a_run_begins_with_the_weights_of_another(method, data, whole, tmp_path)
     assert not (tmp_path / "other").exists()
 
 
-@pytest.mark.parametrize("believes", [False, True])
-def test_a_run_begins_with_the_weights_of_a_bundle(data, tmp_path, believes):
-    """The shipped one; told a belief, its networks answer as before until they have learned what it means."""
-    settings = replace(TINY, init="adatracker", rate=1e-7, updates=1, rounds=0, belief=believes)
-    checkpoint = load_checkpoint(trained(settings, data, tmp_path / "on"))
-    golden = find_bundle("adatracker").golden
-    answers = rollout(checkpoint, golden["mask"])
+def begun_with(bundle, data, out):
+    """Train on from a bundle so little that it answers as before; assert that it does."""
+    settings = replace(TINY, init=bundle, rate=1e-7, updates=1, rounds=0, belief=True)
+    golden = find_bundle(bundle).golden
+    answers = rollout(load_checkpoint(trained(settings, data, out)), golden["mask"])
     for name in ("action", "z"):
         assert np.abs(answers[name] - golden[name]).max() < 1e-4
 
 
+def test_a_run_begins_with_the_weights_of_the_shipped_bundle(data, tmp_path):
+    begun_with("adatracker", data, tmp_path / "on")
+
+
+def test_told_a_belief_a_bundle_answers_as_before_until_it_has_learned_what_that_means(data, tmp_path):
+    export_checkpoint(trained(TINY, data, tmp_path / "before"), tmp_path / "bundle")
+    begun_with(str(tmp_path / "bundle"), data, tmp_path / "on")
+
+
 def test_a_run_does_not_begin_with_a_bundle_of_other_networks(data, tmp_path):
-    settings = replace(TINY, init="adatracker", variants=("no-last-action",))
+    settings = replace(TINY, init="adatracker", variants=("no-last-action",), belief=True)
     with pytest.raises(UsageError, match="its networks differ: last_action True, not False"):
         trained(settings, data, tmp_path / "on")
 
@@ -133,7 +140,7 @@ def test_a_run_does_not_begin_with_a_bundle_that_sees_or_drives_otherwise(data, 
     save_checkpoint(tmp_path / "turned.pt", checkpoint.encoder, checkpoint.policy, turned)
     export_checkpoint(tmp_path / "turned.pt", tmp_path / "turned")
     with pytest.raises(UsageError, match="its masks, its action or its rate are not those"):
-        trained(replace(TINY, init=str(tmp_path / "turned")), data, tmp_path / "on")
+        trained(replace(TINY, init=str(tmp_path / "turned"), belief=True), data, tmp_path / "on")
 
 
 def test_without_an_lstm_a_run_that_is_told_a_belief_begins_with_none_that_is_not(data, tmp_path):
