@@ -165,15 +165,17 @@ def _begin_with(agent: Agent, other: str) -> None:
             if module is not None
             for name, value in module.state_dict().items()
         }
-    if agent.config.belief and not config.belief and config.lstm and agent.config.lstm:
+    untold = agent.config.belief and not config.belief and config.lstm and agent.config.lstm
+    if untold:
         config = replace(config, belief=True)
-        blank = agent.state_dict()[_INPUTS].clone().zero_()
-        blank[:, : -belief.SIZE] = weights[_INPUTS]
-        weights = weights | {_INPUTS: blank}
     for field in fields(config):
         theirs, ours = getattr(config, field.name), getattr(agent.config, field.name)
         if theirs != ours:
             raise UsageError(f"{other}: its networks differ: {field.name} {theirs!r}, not {ours!r}")
+    if untold:
+        blank = agent.state_dict()[_INPUTS].clone().zero_()
+        blank[:, : -belief.SIZE] = weights[_INPUTS]
+        weights = weights | {_INPUTS: blank}
     agent.load_state_dict(weights)
 
 
