@@ -128,8 +128,10 @@ def test_told_a_belief_a_bundle_answers_as_before_until_it_has_learned_what_that
     begun_with(str(tmp_path / "bundle"), data, tmp_path / "on")
 
 
-def test_a_run_does_not_begin_with_a_bundle_of_other_networks(data, tmp_path):
-    settings = replace(TINY, init="adatracker", variants=("no-last-action",), belief=True)
+@pytest.mark.parametrize("told", [False, True])
+def test_a_run_does_not_begin_with_a_bundle_of_other_networks(data, tmp_path, told):
+    export_checkpoint(trained(replace(TINY, belief=told), data, tmp_path / "before"), tmp_path / "bundle")
+    settings = replace(TINY, init=str(tmp_path / "bundle"), variants=("no-last-action",), belief=True)
     with pytest.raises(UsageError, match="its networks differ: last_action True, not False"):
         trained(settings, data, tmp_path / "on")
 
