@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any, get_args, get_type_hints
 
 import numpy as np
 
@@ -38,6 +38,11 @@ class Between:
         if self.low > self.high:
             raise UsageError(f"low {self.low:g} is above high {self.high:g}")
 
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Return the least and the largest."""
+        return self.low, self.high
+
     def draw(self, rng: np.random.Generator) -> float:
         """Return one of them."""
         return float(rng.uniform(self.low, self.high))
@@ -53,12 +58,20 @@ class OneOf:
         if not self.one_of:
             raise UsageError("one_of is empty")
 
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Return the least and the largest."""
+        return min(self.one_of), max(self.one_of)
+
     def draw(self, rng: np.random.Generator) -> float:
         """Return one of them."""
         return self.one_of[int(rng.integers(len(self.one_of)))]
 
 
 Spread = Between | OneOf
+_AS_DRAWN = ("height_m", "pitch_deg", "fov_deg", "aspect", "forward_m_s", "lag_s")
+"""Keys that are a body's own; no more may be drawn than a body can have."""
+_BODY = get_type_hints(Embodiment, include_extras=True)
 Weights = dict[str, Annotated[float, Range(0, 1e6)]]
 """The weight of each named choice, relative to the others."""
 
@@ -192,6 +205,13 @@ def parse_recipe(value: Any, *, where: str, name: str) -> Recipe:
                 raise UsageError(f"{where}: {key}: unknown choice {choice!r}; known are {', '.join(known)}")
         if not any(weights.values()):
             raise UsageError(f"{where}: {key}: needs at least one choice with a weight above 0")
+    for key in _AS_DRAWN:
+        bounds = next(each for each in _BODY[key].__metadata__ if isinstance(each, Range))
+        for number in getattr(recipe, key).ends:
+            if not bounds.low <= number <= bounds.high:
+                raise UsageError(
+                    f"{where}: {key}: {number:g} is out of range [{bounds.low:g}, {bounds.high:g}]"
+                )
     return recipe
 
 

@@ -77,6 +77,9 @@ def test_a_share_of_change_changes_so_many_bodies_and_nothing_else():
         ({"noise": {"loud": 1}}, "tiny: noise: unknown choice 'loud'; known are none, field, hard"),
         ({"kinds": {"differential": 0}}, "tiny: kinds: needs at least one choice with a weight above 0"),
         ({"scenes": {"moon": 1}}, "tiny: scenes: unknown choice 'moon'"),
+        ({"aspect": {"one_of": [0.75, 2]}}, "tiny: aspect: 2 is out of range [0.25, 1]"),
+        ({"fov_deg": {"low": 60, "high": 200}}, "tiny: fov_deg: 200 is out of range [20, 150]"),
+        ({"lag_s": {"low": -0.1, "high": 1}}, "tiny: lag_s: -0.1 is out of range [0, 2]"),
     ],
 )
 def test_a_wrong_recipe_is_one_clear_line(changed, message):
