@@ -23,6 +23,7 @@ from adatracker_deploy.evaluation.grid import CELLS, Grid
 from adatracker_deploy.evaluation.play import Episode
 from adatracker_deploy.learning.conditions import YAW_RATE_RAD_S, Condition, condition_named
 from adatracker_deploy.learning.embodiment import Embodiment
+from adatracker_deploy.learning.episode_spec import RATE_HZ
 from adatracker_deploy.learning.expert import Expert
 from adatracker_deploy.learning.tracking import ACTION, Tracking
 from adatracker_deploy.policy.base import to_twist
@@ -44,7 +45,7 @@ class Mistaken(Expert):
     def __init__(self, tracking: Tracking, wrong: dict[str, float]) -> None:
         super().__init__(tracking)
         self._wrong = wrong
-        self._delayed = deque([Twist()] * round(10 * replace(tracking.spec.embodiment, **wrong).delay_s))
+        self._delayed = deque([Twist()] * round(RATE_HZ * replace(tracking.spec.embodiment, **wrong).delay_s))
 
     @property
     def _limits(self) -> Embodiment:
@@ -55,7 +56,7 @@ def middle(condition: Condition, target_speed_m_s: float) -> dict[str, float]:
     """Return the body of the middle of a condition's ranges; scales by their geometric mean."""
     forward_m_s = max(1.0, 1.3 * target_speed_m_s) * math.sqrt(math.prod(condition.forward_scale))
     return {
-        "delay_s": fmean(condition.delay_steps) / 10,
+        "delay_s": fmean(condition.delay_steps) / RATE_HZ,
         "lag_s": fmean(condition.lag_s),
         "forward_m_s": forward_m_s,
         "backward_m_s": forward_m_s * fmean(condition.backward_share),

@@ -51,6 +51,13 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         help="embedded, or a model's file: segment rendered pictures (default: the true masks)",
     )
     parser.add_argument(
+        "--aspect",
+        type=float,
+        metavar="A",
+        help="height of pictures and masks as a share of their width (default: 1, as the paper's; "
+        "with a segmenter of pictures 0.75)",
+    )
+    parser.add_argument(
         "--episodes", type=int, default=20, metavar="N", help="episodes per cell (default: %(default)s)"
     )
     parser.add_argument(
@@ -113,6 +120,7 @@ def _grid(args: argparse.Namespace) -> int:
         seed=args.seed,
         steps=args.steps,
         segmenter=args.segmenter,
+        aspect=args.aspect,
     )
     labels = policy_labels(grid.policies)
     if args.picture is not None:

@@ -27,9 +27,8 @@ if TYPE_CHECKING:
     from adatracker_deploy.perception.segmenter import Segmenter
     from adatracker_deploy.sim.task import Task
 
-_SIZE = (640, 480)
-"""Width and height of the pictures, px."""
-EYES_ASPECT = _SIZE[1] / _SIZE[0]
+_WIDTH_PX = 640
+"""Of the pictures, which are as much higher or lower as the task's masks are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +77,9 @@ class Eyes:
 
     def __init__(self, task: Task, segmenter: Segmenter, road: RoadClass = "smooth") -> None:
         self._task, self._segmenter = task, segmenter
-        self._eye = Eye(task.world, task.settings.fov_rad, _SIZE, seed=0, road=road)
+        rows, columns = task.settings.mask_size
+        size = (_WIDTH_PX, round(_WIDTH_PX * rows / columns))
+        self._eye = Eye(task.world, task.settings.fov_rad, size, seed=0, road=road)
         self._seq = 0
         self._sights: list[Sight] = []
         segmenter.reset()

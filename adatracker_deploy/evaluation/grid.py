@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from adatracker_deploy.core.errors import UsageError
-from adatracker_deploy.evaluation.eyes import EYES_ASPECT, check_eyes
+from adatracker_deploy.evaluation.eyes import check_eyes
 from adatracker_deploy.evaluation.play import Episode
 from adatracker_deploy.learning.conditions import HEIGHTS_M, TARGET_SPEEDS_M_S, condition_named, make_cell
 from adatracker_deploy.learning.episode_spec import RATE_HZ
@@ -18,6 +18,8 @@ from adatracker_deploy.sim.worlds import check_pictures, check_scene
 
 PAPER_SCENE, PAPER_STEPS = "simple_room", 500
 """Scene and episode length of the paper's per-embodiment results."""
+EYES_ASPECT = 0.75
+"""Of the pictures that a segmenter is shown: 640 x 480, as most cameras' are."""
 MOST_EPISODES = 10_000
 """Episodes of a cell have seeds of their own, of which each cell has so many."""
 
@@ -57,6 +59,9 @@ class Grid:
     segmenter: str = TRUTH
     """``truth``, whose masks the condition spoils; or one that is shown pictures, as `open_segmenter` takes
     it, and spoils its own."""
+    aspect: float | None = None
+    """Height of pictures and masks as a share of their width; None: square for the truth's masks, as the
+    paper's are, and `EYES_ASPECT` for a segmenter."""
 
     def __post_init__(self) -> None:
         condition_named(self.condition)
@@ -68,6 +73,7 @@ class Grid:
             ("episodes", self.episodes, 1, MOST_EPISODES),
             ("seed", self.seed, 0, 1_000_000),
             ("steps", self.steps, 1, 100_000),
+            ("aspect", self.shown_aspect, 0.25, 1),
         ):
             if not low <= value <= high:
                 raise UsageError(f"{name}: {value} is out of range [{low}, {high}]")
@@ -78,7 +84,15 @@ class Grid:
     @property
     def is_the_papers(self) -> bool:
         """Scene, horizon and masks are those of the paper's table."""
-        return (self.scene, self.steps, self.segmenter) == (PAPER_SCENE, PAPER_STEPS, TRUTH)
+        asked = (self.scene, self.steps, self.segmenter, self.shown_aspect)
+        return asked == (PAPER_SCENE, PAPER_STEPS, TRUTH, 1.0)
+
+    @property
+    def shown_aspect(self) -> float:
+        """Return the aspect of pictures and masks."""
+        if self.aspect is not None:
+            return self.aspect
+        return 1.0 if self.segmenter == TRUTH else EYES_ASPECT
 
     def plan(self) -> list[Episode]:
         """Return all episodes, one of every cell by every policy after the other.
@@ -96,7 +110,7 @@ class Grid:
                     cell.target_speed_m_s,
                     self._episode_seed(index, number),
                     scene=self.scene,
-                    aspect=1.0 if self.segmenter == TRUTH else EYES_ASPECT,
+                    aspect=self.shown_aspect,
                 )
             ]
             for policy in self.policies

@@ -37,6 +37,7 @@ def grid_record(
         "seed": grid.seed,
         "steps": grid.steps,
         "segmenter": grid.segmenter,
+        "aspect": grid.shown_aspect,
         "played": played,
         "complete": played == grid.episodes * len(CELLS) * len(grid.policies),
         "seconds": round(seconds, 1),

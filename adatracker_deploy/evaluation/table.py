@@ -33,6 +33,8 @@ def grid_table(
     asked = grid.episodes * len(CELLS) * len(grid.policies)
     part = "" if played == asked else f" ({played} of {asked} episodes)"
     eyes = "" if grid.segmenter == TRUTH else f", seen by {grid.segmenter}"
+    if grid.aspect is not None:
+        eyes += f", pictures {grid.aspect:g} as high as wide"
     title = (
         f"{grid.condition}, {grid.scene}{eyes}: AR/EL/SR, {grid.episodes} x {grid.steps} steps a cell{part}"
     )

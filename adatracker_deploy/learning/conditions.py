@@ -18,7 +18,7 @@ from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.change import Change
 from adatracker_deploy.learning.embodiment import Embodiment
 from adatracker_deploy.learning.episode_spec import EpisodeSpec
-from adatracker_deploy.learning.view import pitch_in_view_deg, vertical_fov_deg
+from adatracker_deploy.learning.view import pitch_in_view_deg
 from adatracker_deploy.sim.noise import NoiseLevel
 from adatracker_deploy.sim.path import PathName
 
@@ -157,9 +157,7 @@ def make_cell(
     low, high = condition.delay_steps
     embodiment = Embodiment(
         height_m=height_m,
-        pitch_deg=pitch_in_view_deg(
-            float(rng.uniform(*condition.pitch_deg)), height_m, vertical_fov_deg(fov_deg, aspect)
-        ),
+        pitch_deg=pitch_in_view_deg(float(rng.uniform(*condition.pitch_deg)), height_m, fov_deg, aspect),
         fov_deg=fov_deg,
         aspect=aspect,
         forward_m_s=max(1.0, 1.3 * target_speed_m_s),

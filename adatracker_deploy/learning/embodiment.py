@@ -12,7 +12,6 @@ from adatracker_deploy.config.schema import Range
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.core.geometry import Pose
 from adatracker_deploy.core.messages import Twist
-from adatracker_deploy.learning.view import vertical_fov_deg
 from adatracker_deploy.platform import Body, CameraMount
 from adatracker_deploy.registry import load_platform, load_profile, platform_names
 from adatracker_deploy.sim.bodies import DriveSettings, KinematicBody
@@ -45,11 +44,6 @@ class Embodiment:
     (`DRONE_LAG_S`)."""
     delay_s: Annotated[float, Range(0, 2)] = 0.0
     """From a command to its first effect; as for `lag_s`, not imposed on a drone."""
-
-    @property
-    def vertical_fov_deg(self) -> float:
-        """Return the vertical field of view."""
-        return vertical_fov_deg(self.fov_deg, self.aspect)
 
     def limits(self) -> Limits:
         """Return the speeds for an action of 1; accelerations are left to the body's lag."""

@@ -12,24 +12,20 @@ _INNER = 0.9
 """Within this share of half the field of view, by angle."""
 
 
-def vertical_fov_deg(fov_deg: float, aspect: float) -> float:
-    """Return the vertical field of view of a pinhole camera.
-
-    Args:
-        fov_deg: horizontal.
-        aspect: height of the picture as a share of its width.
-    """
-    return math.degrees(2.0 * math.atan(aspect * math.tan(math.radians(fov_deg) / 2.0)))
-
-
-def pitch_in_view_deg(pitch_deg: float, height_m: float, fov_deg: float) -> float:
+def pitch_in_view_deg(pitch_deg: float, height_m: float, fov_deg: float, aspect: float = 1.0) -> float:
     """Return the pitch nearest to `pitch_deg` (positive down) that has a person's chest in view at 2.5 m.
 
     Args:
         pitch_deg: as wished.
         height_m: of the camera above the ground.
-        fov_deg: vertical field of view.
+        fov_deg: horizontal field of view.
+        aspect: height of the picture as a share of its width.
     """
     down_deg = math.degrees(math.atan2(height_m - _CHEST_M, DESIRED_DISTANCE_M))
-    reach_deg = _INNER * fov_deg / 2
+    reach_deg = _INNER * vertical_fov_deg(fov_deg, aspect) / 2
     return min(max(pitch_deg, down_deg - reach_deg), down_deg + reach_deg)
+
+
+def vertical_fov_deg(fov_deg: float, aspect: float) -> float:
+    """Return a pinhole camera's vertical field of view; the arguments are those of `pitch_in_view_deg`."""
+    return math.degrees(2.0 * math.atan(aspect * math.tan(math.radians(fov_deg) / 2.0)))

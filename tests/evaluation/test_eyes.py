@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,16 +11,17 @@ import pytest
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.core.messages import Box, MaskClass, Observation
 from adatracker_deploy.evaluation import eyes as eyes_module
-from adatracker_deploy.evaluation.eyes import EYES_ASPECT, FIRST_SIGHT_S, Eyes, check_eyes
-from adatracker_deploy.evaluation.grid import Grid
+from adatracker_deploy.evaluation.eyes import FIRST_SIGHT_S, Eyes, check_eyes
+from adatracker_deploy.evaluation.grid import EYES_ASPECT, Grid
 from adatracker_deploy.evaluation.play import Episode, play
 from adatracker_deploy.learning.conditions import make_cell
 from adatracker_deploy.learning.tracking import Tracking
+from adatracker_deploy.learning.view import vertical_fov_deg
 from adatracker_deploy.policy.catalogue import load_policy
 
 pytest.importorskip("panda3d", reason="needs the extra 'world'")
 
-SPEC = make_cell("clean", 1.0, 0.5, 9_000_001)
+SPEC = make_cell("clean", 1.0, 0.5, 9_000_001, aspect=EYES_ASPECT)
 
 
 class Blind:
@@ -121,7 +123,8 @@ def test_the_operator_clicks_on_the_middle_of_the_target_until_it_is_followed_an
 
 def test_the_shipped_eyes_begin_with_whom_the_operator_means_although_somebody_else_is_larger():
     """The target's legs are below the picture; somebody else, further off, fills more of it."""
-    spec = make_cell("field", 3.0, 3.0, 13_470_000, aspect=1.0)
+    spec = make_cell("field", 3.0, 3.0, 13_470_000)  # its camera is pitched for a square
+    spec = replace(spec, embodiment=replace(spec.embodiment, aspect=EYES_ASPECT))
     tracking = Tracking(spec)
     tracking.begin()
     eyes = Eyes(tracking.task, eyes_module.eyes_of("embedded"))
@@ -136,5 +139,12 @@ def test_bodies_that_see_through_pictures_have_the_target_in_view_in_these():
         assert body.aspect == EYES_ASPECT == 0.75
         assert Tracking(episode.spec).begin().box is not None
         down = math.degrees(math.atan2(body.height_m - 1.3, 2.5))
-        assert abs(down - body.pitch_deg) <= 0.45 * body.vertical_fov_deg + 1e-6
-    assert {episode.spec.embodiment.aspect for episode in Grid(policies=("pid",)).plan()} == {1.0}
+        assert abs(down - body.pitch_deg) <= 0.45 * vertical_fov_deg(body.fov_deg, body.aspect) + 1e-6
+
+
+def test_masks_of_the_truth_are_square_unless_asked_otherwise():
+    for grid, aspect in ((Grid(policies=("pid",)), 1.0), (Grid(policies=("pid",), aspect=0.75), 0.75)):
+        assert {episode.spec.embodiment.aspect for episode in grid.plan()} == {aspect}
+        assert grid.is_the_papers == (aspect == 1.0)
+    with pytest.raises(UsageError, match=r"aspect: 2 is out of range \[0.25, 1\]"):
+        Grid(policies=("pid",), aspect=2)

@@ -18,7 +18,7 @@ from adatracker_deploy.learning.conditions import make_cell
 from adatracker_deploy.learning.embodiment import Embodiment
 from adatracker_deploy.learning.seeds import TUNING
 from adatracker_deploy.learning.tracking import Tracking
-from adatracker_deploy.learning.view import pitch_in_view_deg
+from adatracker_deploy.learning.view import pitch_in_view_deg, vertical_fov_deg
 
 DT_S = 0.1
 
@@ -94,9 +94,10 @@ def test_a_drone_that_is_not_installed_is_one_clear_line(monkeypatch):
 
 
 @settings(max_examples=200)
-@given(pitch=st.floats(-90, 90), height=st.floats(0.2, 3.5), fov=st.floats(60, 110))
-def test_a_pitch_is_moved_no_further_than_a_chest_in_view_needs(pitch, height, fov):
-    moved = pitch_in_view_deg(pitch, height, fov)
+@given(pitch=st.floats(-90, 90), height=st.floats(0.2, 3.5), fov=st.floats(60, 110), aspect=st.floats(0.5, 1))
+def test_a_pitch_is_moved_no_further_than_a_chest_in_view_needs(pitch, height, fov, aspect):
+    moved = pitch_in_view_deg(pitch, height, fov, aspect)
+    fov = vertical_fov_deg(fov, aspect)
     off_axis = math.degrees(math.atan2(height - 1.3, 2.5)) - moved
     assert abs(off_axis) <= 0.45 * fov + 1e-6
     assert moved == pitch or abs(off_axis) == pytest.approx(0.45 * fov)
@@ -106,7 +107,7 @@ def test_a_pitch_is_moved_no_further_than_a_chest_in_view_needs(pitch, height, f
     ("fov", "aspect", "vertical"), [(90, 1.0, 90.0), (90, 0.75, 73.74), (60, 0.5625, 35.98)]
 )
 def test_the_vertical_field_of_view_is_a_pinhole_cameras(fov, aspect, vertical):
-    assert Embodiment(fov_deg=fov, aspect=aspect).vertical_fov_deg == pytest.approx(vertical, abs=0.01)
+    assert vertical_fov_deg(fov, aspect) == pytest.approx(vertical, abs=0.01)
 
 
 def test_a_mask_that_is_wider_than_high_shows_the_middle_of_a_square_one():

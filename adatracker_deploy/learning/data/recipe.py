@@ -18,7 +18,7 @@ from adatracker_deploy.learning.change import Change
 from adatracker_deploy.learning.embodiment import DRONE_DELAY_S, DRONE_LAG_S, BodyKind, Embodiment
 from adatracker_deploy.learning.episode_spec import RATE_HZ, EpisodeSpec
 from adatracker_deploy.learning.expert import DEFAULT_GAINS, ExpertGains
-from adatracker_deploy.learning.view import pitch_in_view_deg, vertical_fov_deg
+from adatracker_deploy.learning.view import pitch_in_view_deg
 from adatracker_deploy.sim.noise import NoiseLevel
 from adatracker_deploy.sim.path import PathName
 from adatracker_deploy.sim.scenes import scene_names
@@ -125,7 +125,7 @@ class Recipe:
         kind = _weighted(rng, self.kinds)
         height_m, fov_deg = self.height_m.draw(rng), self.fov_deg.draw(rng)
         aspect = self.aspect.draw(np.random.default_rng([seed, 0xA59EC7]))
-        pitch_deg = pitch_in_view_deg(self.pitch_deg.draw(rng), height_m, vertical_fov_deg(fov_deg, aspect))
+        pitch_deg = pitch_in_view_deg(self.pitch_deg.draw(rng), height_m, fov_deg, aspect)
         forward_m_s = self.forward_m_s.draw(rng)
         others = round(self.others.draw(rng))
         embodiment = Embodiment(
