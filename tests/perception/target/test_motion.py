@@ -69,6 +69,26 @@ def test_any_small_motion_is_measured_within_a_pixel(right, down, turn_deg, zoom
     assert furthest_px(measured_motion(first, moved(first, true)), true) < 1
 
 
+@pytest.mark.parametrize("share", [-0.3, -0.2, -0.12, 0.12, 0.2, 0.3])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_turn_that_moves_the_picture_by_a_third_of_its_width_is_measured(share, seed):
+    """A robot that turns at 2 rad/s moves it by a sixth from one picture to the next, at 10 a second."""
+    world = texture(seed, (240, 640))
+    shift = round(share * 320)
+    first, second = (np.ascontiguousarray(world[:, at : at + 320]) for at in (160, 160 - shift))
+    assert furthest_px(measured_motion(first, second), about_the_middle(shift=(shift, 0))) < 1
+
+
+def test_a_person_whom_the_camera_turns_with_does_not_hide_the_turn():
+    world, person = texture(3, (240, 640)), (110, 20, 210, 230)
+    left, top, right, bottom = person
+    pictures = [np.ascontiguousarray(world[:, at : at + 320]) for at in (160, 200)]
+    for picture in pictures:
+        picture[top:bottom, left:right] = texture(4, (240, 320), cell=7)[top:bottom, left:right]
+    people = np.array([person], np.float32)
+    assert furthest_px(measured_motion(*pictures, (people, people)), about_the_middle(shift=(-40, 0))) < 1
+
+
 @pytest.mark.parametrize("size", [(480, 640), (720, 1280), (120, 160)])
 def test_the_motion_is_in_pixels_of_the_picture_whatever_its_size(size):
     true = about_the_middle(2, 1.02, (0.03 * size[1], -0.02 * size[1]), size)
