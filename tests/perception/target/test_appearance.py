@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from adatracker_deploy.perception.target.appearance import appearances, likeness, mixed
+from adatracker_deploy.perception.target.appearance import UNKNOWN, appearances, likeness, mixed
 from tests.perception.target.walkers import CLOTHES
 
 BOX = (100, 40, 140, 140)
@@ -76,19 +76,53 @@ def test_who_is_partly_outside_the_picture_still_looks_like_themselves(box):
     assert likeness(look(person("red", box), box), look(person("red"))[0])[0] > 0.6
 
 
+WHOLE = (80, 40, 160, 248)
+"""Of a person as tall as `_HEIGHT_OF_WIDTH` has it, whose feet a picture of 200 rows cuts off."""
+
+
+@pytest.mark.parametrize(
+    ("moved", "known"),
+    [(-20, [True, True, True]), (60, [True, True, False]), (-90, [False, True, True]), (150, [False] * 3)],
+    ids=["their feet", "from the hips down", "their head and chest", "but the head"],
+)
+def test_of_whom_the_picture_cuts_off_the_stripes_that_are_left_are_compared(moved, known):
+    """Stripes of the box would take the chest for the waist, and the waist for the legs."""
+    left, top, right, bottom = WHOLE
+    here = (left, top + moved, right, bottom + moved)
+    shown = (left, max(0, top + moved), right, min(200, bottom + moved))
+    cut_off = look(person("red", here), shown)
+    assert cut_off.any(axis=2).tolist() == [known]
+    for clothes in CLOTHES:
+        alike = likeness(cut_off, look(person(clothes))[0])[0]
+        if not any(known):
+            assert alike == UNKNOWN
+        else:
+            assert alike > 0.8 if clothes == "red" else alike < 0.5
+
+
+def test_what_a_picture_cuts_off_is_learnt_from_a_later_one():
+    left, top, right, bottom = WHOLE
+    half = look(person("red", (left, top + 60, right, bottom + 60)), (left, top + 60, right, 200))[0]
+    assert not half[2].any()
+    legs = mixed(half, look(person("blue"))[0], 0.1)[2]
+    np.testing.assert_array_equal(legs, look(person("blue"))[0][2])
+    np.testing.assert_array_equal(mixed(look(person("blue"))[0], half, 0.1)[2], legs)
+
+
 corners = st.floats(-50, 400, width=32)
 sides = st.floats(0.0625, 300, width=32)
 
 
 @given(st.lists(st.tuples(corners, corners, sides, sides), min_size=1, max_size=3), st.integers(0, 9))
-def test_wherever_a_box_is_the_look_is_whole_and_the_likeness_is_a_share(places, seed):
+def test_wherever_a_box_is_a_stripe_is_whole_or_unknown_and_the_likeness_is_a_share(places, seed):
     picture = np.random.default_rng(seed).integers(0, 256, (120, 200, 3)).astype(np.uint8)
     boxes = np.array([(x, y, x + w, y + h) for x, y, w, h in places], np.float32)
     looks = appearances(picture, boxes)
-    np.testing.assert_allclose(np.linalg.norm(looks, axis=2), 1, atol=1e-5)
+    lengths = np.linalg.norm(looks, axis=2)
+    np.testing.assert_allclose(lengths[lengths > 0], 1, atol=1e-5)
     for look_ in looks:
         assert ((likeness(looks, look_) >= 0) & (likeness(looks, look_) <= 1)).all()
-    assert likeness(looks, looks[0])[0] == pytest.approx(1, abs=1e-5)
+    assert likeness(looks, looks[0])[0] == pytest.approx(1 if looks[0].any() else UNKNOWN, abs=1e-5)
 
 
 def test_nothing_is_more_alike_than_the_same_again():
@@ -104,8 +138,8 @@ def test_a_box_of_one_pixel_looks_like_that_pixel(corner):
     picture = person("white", size=(120, 200))
     x, y = corner
     picture[y, x] = (250, 0, 0)
-    one = np.full_like(picture, (250, 0, 0))
-    assert likeness(look(picture, (x, y, x + 1, y + 1)), look(one)[0])[0] == pytest.approx(1, abs=1e-5)
+    red = look(np.full_like(picture, (250, 0, 0)), (100, 10, 140, 110))[0]
+    assert likeness(look(picture, (x, y, x + 1, y + 1)), red)[0] == pytest.approx(1, abs=1e-5)
 
 
 @given(
