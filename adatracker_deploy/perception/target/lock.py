@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adatracker_deploy.core.messages import TargetState
-from adatracker_deploy.perception.boxes import centres, heights, overlap
-from adatracker_deploy.perception.target.appearance import likeness
+from adatracker_deploy.perception.boxes import overlap
+from adatracker_deploy.perception.target.appearance import likeness, stripes_known
 from adatracker_deploy.perception.target.people import Person, assigned
 
 if TYPE_CHECKING:
@@ -42,9 +42,22 @@ _LEARN, _LEARN_OTHERS = 0.05, 0.1
 _USUAL_ALIKE = 0.75
 """Similarity of a person to themselves from image to image: the median on street footage was 0.74."""
 _SMOOTHING, _SMOOTHING_USUAL = 0.4, 0.1
+_VIEWS = 8
+"""Looks that are kept of the target, the first one among them: back, front and sides, near and far. Of 24
+rendered people 88 % of a new view's likenesses to eight of their own are above 99 % of others' likenesses to
+those eight; 64 % with four, 56 % with one."""
+_TELLING = 2
+"""Stripes that a look must have to be kept, or to be recognised: many people have one in common."""
+_NEW_VIEW = 0.8
+"""Likeness to all that are kept below which a look is another view."""
+_CLEAR_S = 1.0
+"""Time for which the target must have been seen, and stood free, before a view is kept: whom somebody has
+just crossed may be somebody else."""
 
-_DROP = 0.1
-"""Largest drop of a reacquired person's similarity below the usual one."""
+_DROP, _SURELY = 0.1, 0.75
+"""Largest drop of a reacquired person's similarity below the usual one; and a similarity that is enough
+whatever is usual, which is high for a target that is seen from one side only. Of 24 rendered people 93 % of
+new views were as similar as that to eight of their own, and 2 % of others'."""
 _MARGIN = 0.03
 """Required margin over the second most similar person."""
 _MARGIN_BEFORE = 0.06
@@ -52,10 +65,6 @@ _MARGIN_BEFORE = 0.06
 swapped."""
 _CONFIRM = 3
 """Consecutive images that must agree."""
-_REACH, _REACH_PER_S = 1.5, 2.5
-"""Reach from where the target was lost, in the target's heights: people are 1.7 m tall and run at 4 m/s."""
-_OTHER_SIZE, _OTHER_SIZE_PER_S = 2.0, 0.5
-"""Ratio of heights from which on it is nobody who was lost: who is gone for longer may have come nearer."""
 
 
 class Locked(NamedTuple):
@@ -74,17 +83,22 @@ class Locked(NamedTuple):
 @dataclass(frozen=True, slots=True)
 class _Target:
     person: Person
-    first_look: Appearance
+    views: tuple[Appearance, ...]
+    """The first look, and later ones that differ from all before; `_VIEWS` at most, none of fewer than
+    `_TELLING` stripes."""
     usual: float = _USUAL_ALIKE
     """The target's usual similarity to itself."""
+    clear_s: float = 0.0
+    """Time for which the target has been seen and stood free."""
 
     @property
     def lost(self) -> bool:
         return self.person.unseen_s > COAST_S
 
     def alike(self, looks: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the similarity of each appearance to the target's current or first one."""
-        return np.maximum(self.person.alike(looks), likeness(looks, self.first_look))
+        """Return the similarity of each appearance to the one of the target's that it is most like."""
+        mine = [self.person.alike(looks), *(likeness(looks, view) for view in self.views)]
+        return np.asarray(np.max(mine, axis=0), np.float32)
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +132,7 @@ class TargetLock:
         self._t_ns = t_ns
         everybody = [Person.new(box, look) for box, look in zip(boxes, looks, strict=True)]
         target = everybody.pop(place)
-        self._target = _Target(target, target.look)
+        self._target = _Target(target, (target.look,) if stripes_known(target.look) >= _TELLING else ())
         self._others = [_Other(person) for person in everybody]
         return Locked(TargetState.TRACKED, place, 1.0)
 
@@ -146,7 +160,8 @@ class TargetLock:
             raise RuntimeError("no target has been chosen")
         dt_s, self._t_ns = max(0.0, (t_ns - self._t_ns) / 1e9), t_ns
         was_lost = self._target.lost
-        target = replace(self._target, person=self._target.person.expected(motion, dt_s))
+        target = self._target
+        target = replace(target, person=target.person.expected(motion, dt_s), clear_s=target.clear_s + dt_s)
         others = [replace(other, person=other.person.expected(motion, dt_s)) for other in self._others]
         alike = target.alike(looks)
         place, theirs = _places(None if was_lost else target, others, boxes, looks, alike)
@@ -158,6 +173,8 @@ class TargetLock:
             target = _with_sight(
                 target, boxes[place], looks[place], float(alike[place]), free=bool(free[place])
             )
+        else:
+            target = replace(target, clear_s=0.0)
         beside = None if place is None or not free[place] else float(alike[place])
         known: list[tuple[int, _Other]] = []
         for box in range(len(boxes)):
@@ -228,8 +245,13 @@ def _with_sight(
     target: _Target, box: NDArray[np.float32], look: Appearance, alike: float, *, free: bool
 ) -> _Target:
     person = target.person.seen(box, look if free else None, _LEARN)
-    usual = target.usual + _SMOOTHING_USUAL * (alike - target.usual) if free else target.usual
-    return replace(target, person=person, usual=usual)
+    if not free:
+        return replace(target, person=person, clear_s=0.0)
+    usual = target.usual + _SMOOTHING_USUAL * (alike - target.usual)
+    views = target.views
+    if stripes_known(look) >= _TELLING and (alike < _NEW_VIEW or not views) and target.clear_s >= _CLEAR_S:
+        views = (*views[:1], *views[1:][2 - _VIEWS :], look)
+    return replace(target, person=person, usual=usual, views=views)
 
 
 def _seen(other: _Other, box: NDArray[np.float32], look: Appearance | None) -> _Other:
@@ -285,8 +307,8 @@ def _is_elsewhere(target: _Target, here: float, likeliest: float) -> bool:
 
 
 def _agrees(alike: float, target: _Target) -> bool:
-    """Return whether somebody is as similar to the target as it usually is to itself."""
-    return alike > target.usual - _DROP
+    """Return whether somebody is about as similar to the target as it usually is to itself."""
+    return alike > min(target.usual - _DROP, _SURELY)
 
 
 def _more_than_beside(alike: float, other: _Other) -> bool:
@@ -312,16 +334,11 @@ def _taken_back(known: list[tuple[int, _Other]], target: _Target, free: NDArray[
     alike, place = ranked[0]
     next_best = ranked[1][0] if len(ranked) > 1 else 0.0
     box, other = known[place]
-    before, now = target.person.box[None], other.person.box[None]
-    tall = heights(before)[0]
-    far = float(np.hypot(*(centres(now) - centres(before))[0])) / tall
-    taller = heights(now)[0] / tall
     sure = (
         bool(free[box])
+        and stripes_known(other.person.look) >= _TELLING
         and other.agreed >= _CONFIRM
         and _agrees(alike, target)
         and alike - next_best > _MARGIN
-        and max(taller, 1 / taller) < _OTHER_SIZE + _OTHER_SIZE_PER_S * target.person.unseen_s
-        and far < _REACH + _REACH_PER_S * target.person.unseen_s
     )
     return place if sure else None
