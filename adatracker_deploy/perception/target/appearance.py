@@ -36,10 +36,10 @@ and 3.0 the best at telling 24 rendered people apart when one view is cut off an
 the ROC curve 0.966, as for two whole views (0.967); 0.923 with stripes of the visible part."""
 _ABOVE = 0.3
 """Share of what is missing that is taken to be above the picture, of somebody cut off at both ends."""
-_ENOUGH = 0.75
+_ENOUGH = 0.3
 """Share of a stripe in the picture from which on its colours are the person's."""
 UNKNOWN = 0.5
-"""Likeness of two appearances with no stripe in common: neither like nor unlike."""
+"""Likeness of a stripe that one of two appearances lacks: neither like nor unlike."""
 
 
 def appearances(picture: Picture, boxes: Boxes) -> NDArray[np.float32]:
@@ -57,10 +57,9 @@ def stripes_known(look: Appearance) -> int:
 
 def likeness(looks: NDArray[np.float32], other: Appearance) -> NDArray[np.float32]:
     """Return the similarity of each of `looks` (n, 3, 128) to `other`, 0 to 1: mean Bhattacharyya coefficient
-    of the stripes that both have, `UNKNOWN` where there is none."""
+    of the stripes, `UNKNOWN` for one that either lacks."""
     both = (looks != 0).any(axis=2) & (other != 0).any(axis=1)
-    alike = np.einsum("nsb,sb->n", looks, other) / np.maximum(both.sum(axis=1), 1)
-    alike = np.where(both.any(axis=1), alike, UNKNOWN).astype(np.float32)
+    alike = np.where(both, np.einsum("nsb,sb->ns", looks, other), UNKNOWN).mean(axis=1)
     # Roots are rounded: the same look may come out as a hair more.
     return np.asarray(np.minimum(alike, 1), np.float32)
 

@@ -3,7 +3,8 @@
 The target is tracked by predicted position and appearance, together with everybody else in view: all tracks
 compete for the boxes. A target out of sight for too long is lost. It is reacquired only by a person who is
 similar to the target, more similar than everybody else, and more similar than that person was while beside
-the target. Until then there is no target. Time is passed in; the same images give the same results.
+the target; who hid it is not taken for it. Until then there is no target. Time is passed in; the same images
+give the same results.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adatracker_deploy.core.messages import TargetState
-from adatracker_deploy.perception.boxes import overlap
+from adatracker_deploy.perception.boxes import overlap, within
 from adatracker_deploy.perception.target.appearance import likeness, stripes_known
 from adatracker_deploy.perception.target.people import Person, assigned
 
@@ -30,6 +31,8 @@ BRIDGED_S = 0.3
 """A target that is missed for no longer is where it is expected: detectors miss single pictures."""
 _TAKEN = 0.3
 """IoU with somebody's box from which on the target is not expected there, but behind them."""
+_HIDING = 0.3
+"""Share of the target's box from which on somebody else's covers it."""
 FORGET_S = 2.0
 """Time out of sight after which another person's track is deleted."""
 CROWDED = 0.1
@@ -110,6 +113,10 @@ class _Other:
     """The same while the target stood free beside them, and looked more like itself; None if it never did."""
     agreed: int = 0
     """Consecutive images in which the person looked like the lost target."""
+    apart: bool = False
+    """Whether they were seen in one picture with the target, and not in its place: then they are two."""
+    hides: bool = False
+    """Whether they stood apart from the target, and it then went out of sight behind them."""
 
 
 class TargetLock:
@@ -182,6 +189,7 @@ class TargetLock:
                 continue
             if box in theirs:
                 other = _seen(others[theirs[box]], boxes[box], looks[box] if free[box] else None)
+                other = _placed(other, target, seen=place is not None)
             elif scores[box] >= _NEW_SCORE:
                 other = _Other(Person.new(boxes[box], looks[box]))
             else:
@@ -258,6 +266,16 @@ def _seen(other: _Other, box: NDArray[np.float32], look: Appearance | None) -> _
     return replace(other, person=other.person.seen(box, look, _LEARN_OTHERS))
 
 
+def _placed(other: _Other, target: _Target, *, seen: bool) -> _Other:
+    """Note whether a person stands apart from the target, which is `seen` or has just gone out of sight."""
+    place = target.person.box.astype(np.float32)
+    covers = within(place[None], other.person.box.astype(np.float32))[0] >= _HIDING
+    if seen:
+        return replace(other, apart=other.apart or not covers)
+    hides = covers and other.apart and target.person.unseen_s <= BRIDGED_S
+    return replace(other, hides=other.hides or bool(hides))
+
+
 def _compared(other: _Other, alike: float, target: _Target, *, beside: bool) -> _Other:
     """Update an unoccluded person's similarity to the target."""
 
@@ -319,13 +337,13 @@ def _more_than_beside(alike: float, other: _Other) -> bool:
 def _taken_back(known: list[tuple[int, _Other]], target: _Target, free: NDArray[np.bool_]) -> int | None:
     """Return the index in `known` of the reacquired target; None while nobody is certain.
 
-    Who was as similar beside the target is somebody else, and no rival of who may be it.
+    Who hid the target, or was as similar beside it, is somebody else, and no rival of who may be it.
     """
     ranked = sorted(
         (
             (other.alike, place)
             for place, (_, other) in enumerate(known)
-            if other.alike is not None and _more_than_beside(other.alike, other)
+            if other.alike is not None and not other.hides and _more_than_beside(other.alike, other)
         ),
         reverse=True,
     )

@@ -132,6 +132,30 @@ def test_who_is_met_again_after_a_full_turn_is_taken_back(around):
     assert followed(said)[-1] == 0
 
 
+@pytest.mark.parametrize("clothes", ["red", "red with green trousers", "red under a blue coat"])
+@pytest.mark.parametrize("stays_s", [0.5, 1.5, 3.0, 6.0])
+def test_who_steps_before_the_target_is_not_taken_for_it_and_it_is_found_when_they_have_gone(
+    clothes, stays_s
+):
+    """They touch it from the start, so how alike they are beside it is not known. While it cannot be seen,
+    nobody in view is more alike."""
+    gone_s = 1.3 + stays_s
+    target = Walker("red", steady(240))
+    nearer = Walker(clothes, along([1, 1.3, gone_s, gone_s + 2], [275, 240, 240, 420]), tall=130)
+    said = follow([target, nearer], gone_s + 5)
+    assert 1 not in followed(said)
+    assert followed(said)[-1] == 0
+
+
+def test_a_second_box_on_the_target_itself_does_not_hide_it():
+    """Detectors split a person who is half hidden; the box that grows to the whole of them is the target."""
+    half, whole = (np.array([(100, 20, 140, bottom)], np.float32) for bottom in (70, 120))
+    own = looking([0])
+    two = np.vstack((half, whole)), np.concatenate((own, own))
+    said = _said((half, own), [*[(half, own)] * 20, *[two] * 3, *[(whole, own)] * 60])
+    assert said[-1] == (TRACKED, 0)
+
+
 def test_a_target_that_stood_beside_whom_the_lock_had_taken_for_it_is_taken_back():
     """The lock's mistake does not make the target a stranger: it still looks more like itself."""
     here, elsewhere = np.array([(100, 20, 140, 120)], np.float32), np.array([(200, 20, 240, 120)], np.float32)
