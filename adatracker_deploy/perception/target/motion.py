@@ -36,8 +36,7 @@ class CameraMotion:
 
     Corners by Shi and Tomasi (1994), followed by Lucas and Kanade (1981), both as OpenCV has them. They are
     followed over a few pixels only, while a robot that turns at 2 rad/s moves the picture by a sixth of its
-    width. So each is looked for where the middle of the last picture lies in this one, by normalised
-    cross-correlation.
+    width. So they begin where most of the last picture lies in this one, by normalised cross-correlation.
     """
 
     def __init__(self) -> None:
