@@ -41,6 +41,7 @@ def updates(dataset: Dataset, settings: TrainSettings, device: torch.device) -> 
     agent = Agent(settings.config()).to(device)
     learner = {"cql_sac": CqlSac, "awr": Awr, "dagger": Dagger}[settings.method](agent, settings)
     dataset = dataset.believing() if settings.belief else dataset
+    dataset = dataset.responding() if settings.response else dataset
     learner.prepare(dataset, print)
     for number in range(WARM_UP + UPDATES):
         if number == WARM_UP:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 _VARIANTS = ("identification", "dynamics", "consistency", "encoder", "lstm", "last-action", "search")
 _KEYS = (
-    *("recipe", "method", "front", "belief", "rate", "updates", "critic_updates", "conservative"),
+    *("recipe", "method", "front", "belief", "response", "rate", "updates", "critic_updates", "conservative"),
     *("rounds", "round_steps", "batch", "length"),
 )
 
@@ -45,6 +45,11 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
         "--belief",
         action="store_true",
         help="tell the policy where the target was last seen, and what it drove since",
+    )
+    parser.add_argument(
+        "--response",
+        action="store_true",
+        help="tell the policy how late the body obeys and what it will still do, as identified on the way",
     )
     parser.add_argument("--rate", metavar="R", type=float, help="learning rate (default: the method's)")
     parser.add_argument("--updates", metavar="N", type=int, help="updates in all")

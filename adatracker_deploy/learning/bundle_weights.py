@@ -66,6 +66,7 @@ def _rebuilt(bundle: Bundle) -> AdaTracker:
         actor=len(weights["actor.hidden.bias"]),
         last_action="last_action" in told,
         belief="belief" in told,
+        response=manifest.response,
     )
     torch_policy = ContextPolicy(config)
     unused = {name: value for name, value in torch_policy.state_dict().items() if ".log_std." in name}

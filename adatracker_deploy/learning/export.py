@@ -134,6 +134,7 @@ def _adatracker(checkpoint: AdaTracker, meta: CheckpointMeta, interface: Encoder
         features=config.features + config.actions,
         last_action=config.last_action,
         belief=config.belief,
+        response=config.response,
     )
     return _Parts(
         manifest=_manifest(
@@ -141,6 +142,7 @@ def _adatracker(checkpoint: AdaTracker, meta: CheckpointMeta, interface: Encoder
             called,
             history=config.history,
             context=config.context,
+            response=config.response,
             encoder=encoder_spec,
             policy=policy_spec,
         ),
@@ -162,6 +164,7 @@ def _manifest(
     encoder: GraphSpec | None = None,
     history: int = 0,
     context: int = 0,
+    response: bool = False,
 ) -> Manifest:
     return Manifest(
         format=FORMAT,
@@ -170,6 +173,7 @@ def _manifest(
         opset=OPSET,
         history=history,
         context=context,
+        response=response,
         mask=meta.mask,
         action=meta.action,
         rate_hz=meta.rate_hz,

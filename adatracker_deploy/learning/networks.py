@@ -19,7 +19,7 @@ from torch.nn import functional
 from adatracker_deploy.config.schema import Range
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.mask_statistics import PER_CHANNEL, STRIPS, mask_statistics
-from adatracker_deploy.policy import belief
+from adatracker_deploy.policy import belief, response
 
 LstmState = tuple[Tensor, Tensor]
 """(h, c) of a one-layer LSTM, each (1, B, H); zeros begin an episode."""
@@ -57,6 +57,8 @@ class AdaTrackerConfig:
     """The policy's last action is also an input; ours, not the paper's."""
     belief: bool = False
     """The belief across gaps (`policy.belief`) is also an input; ours, not the paper's."""
+    response: bool = False
+    """The response of the body (`policy.response`) continues z; ours, not the paper's."""
     lstm: bool = True
     """Without, a layer of the same width without memory is in the place of the policy's LSTM."""
 
@@ -65,8 +67,26 @@ class AdaTrackerConfig:
             raise UsageError(
                 f"history {self.history} and context {self.context}: both are 0 (no encoder) or neither is"
             )
+        if self.response and not self.context:
+            raise UsageError("response: it continues the context, and there is none without an encoder")
         if self.front == "pooled" and self.size % STRIPS:
             raise UsageError(f"front pooled: a mask of {self.size} pixels is no multiple of {STRIPS}")
+
+    @property
+    def inputs(self) -> dict[str, int]:
+        """What the policy's memory reads, in this order, and how many numbers each part has."""
+        return {
+            "features": self.features,
+            "context": self.context,
+            "response": response.SIZE if self.response else 0,
+            "last_action": self.actions if self.last_action else 0,
+            "belief": belief.SIZE if self.belief else 0,
+        }
+
+    @property
+    def told_context(self) -> int:
+        """Size of the z that the policy is told: the encoder's and the response."""
+        return self.context + self.inputs["response"]
 
 
 class Backbone(nn.Module):
@@ -259,8 +279,7 @@ class ContextPolicy(nn.Module):
         super().__init__()
         self.config = config
         self.backbone = front_of(config)
-        inputs = config.features + config.context + (config.actions if config.last_action else 0)
-        inputs += belief.SIZE if config.belief else 0
+        inputs = sum(config.inputs.values())
         self.memory = (
             nn.LSTM(inputs, config.hidden, batch_first=True)
             if config.lstm
@@ -280,7 +299,7 @@ class ContextPolicy(nn.Module):
 
         Args:
             masks: (B, T, C, S, S).
-            z: (B, T, Z); None without an encoder.
+            z: (B, T, Z), with the response after it where the configuration has it; None without an encoder.
             state: of the step before; zeros if None.
             last_actions: (B, T, A), of the steps before; None where the configuration leaves them out.
             beliefs: (B, T, `belief.SIZE`), likewise.

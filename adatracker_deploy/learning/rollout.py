@@ -11,7 +11,7 @@ from torch import Tensor
 from adatracker_deploy.core.messages import ClassMask, MaskClass
 from adatracker_deploy.learning.checkpoint import AdaTracker, Checkpoint, CheckpointMeta, OfflineEvt
 from adatracker_deploy.learning.networks import LstmState
-from adatracker_deploy.policy import belief
+from adatracker_deploy.policy import belief, response
 from adatracker_deploy.policy.belief import Array
 from adatracker_deploy.policy.drawing import MaskPainter
 from adatracker_deploy.policy.golden import Golden
@@ -43,9 +43,15 @@ def rollout(checkpoint: Checkpoint, masks: NDArray[np.float32]) -> Golden:
 
 def _beliefs(masks: NDArray[np.float32], actions: NDArray[np.float32], meta: CheckpointMeta) -> Array:
     """Return the beliefs (T, `belief.SIZE`) of masks (T, C, S, S) and the actions (T, A) after them."""
+    return belief.over_time(*_past(masks, actions, meta), 1.0 / meta.rate_hz)
+
+
+def _past(
+    masks: NDArray[np.float32], actions: NDArray[np.float32], meta: CheckpointMeta
+) -> tuple[Array, Array]:
+    """Return the sights (T, `len(SIGHT)`) in masks (T, C, S, S) and the drives (T, 2) of actions (T, A)."""
     target = np.stack([belief.target_pixels(mask, meta.mask) for mask in masks])
-    drives = belief.drive_of(actions, meta.action)
-    return belief.over_time(belief.sight_of(target), drives, 1.0 / meta.rate_hz)
+    return belief.sight_of(target), belief.drive_of(actions, meta.action)
 
 
 def _adatracker(checkpoint: AdaTracker, masks: Tensor) -> tuple[Tensor, Tensor]:
@@ -54,17 +60,21 @@ def _adatracker(checkpoint: AdaTracker, masks: Tensor) -> tuple[Tensor, Tensor]:
     config = policy.config
     past_masks = torch.cat((torch.zeros(config.history, *masks.shape[1:]), masks))
     past_actions = torch.zeros(config.history + len(masks), config.actions)
-    contexts = torch.zeros(len(masks), config.context)
+    contexts = torch.zeros(len(masks), config.told_context)
     last_action = torch.zeros(1, 1, config.actions)
     state: LstmState | None = None
     for tick, mask in enumerate(masks):
         window, z = slice(tick, tick + config.history), None
+        own = past_actions[config.history :][: tick + 1].numpy()
         if encoder is not None:
             z = encoder(past_masks[None, window], past_actions[None, window])[None]
+            if config.response:
+                past = _past(masks[: tick + 1].numpy(), own, meta)
+                told_last = response.over_time(*past, 1.0 / meta.rate_hz)[None, -1:]
+                z = torch.cat((z, torch.from_numpy(told_last)), dim=-1)
             contexts[tick] = z[0, 0]
         believed = None
         if config.belief:
-            own = past_actions[config.history :][: tick + 1].numpy()
             believed = torch.from_numpy(_beliefs(masks[: tick + 1].numpy(), own, meta)[None, -1:])
         told = last_action if config.last_action else None
         mean, _, state = policy(mask[None, None], z, state, told, believed)

@@ -46,7 +46,7 @@ _DRIVE_S = 3.0
 _MOST_DRIVE_S = 6.0
 _NOMINAL_TAN = 1.0
 """Tangent of half the nominal field of view, 90 degrees."""
-_NOMINAL_YAW_RAD_S = math.radians(120.0)
+NOMINAL_YAW_RAD_S = math.radians(120.0)
 """Yaw limit of the nominal body, that of the paper's test bodies."""
 _COAST_S = 1.0
 """The target is expected to keep its pace for so long: the reach of the hand-written controller that showed
@@ -116,7 +116,7 @@ def advance(state: Array, sight: Array, drive: Array, period_s: float) -> Array:
     driven = np.clip(driven + now[..., 0], -_MOST_DRIVE_S, _MOST_DRIVE_S)
     seen = sight[..., 0] > 0
     since = gap + np.float32(period_s)
-    swept = _bearing(sight[..., 1]) - _bearing(left) + _NOMINAL_YAW_RAD_S * turned
+    swept = bearing_of(sight[..., 1]) - bearing_of(left) + NOMINAL_YAW_RAD_S * turned
     measured = np.clip(swept / since, -_MOST_PACE_RAD_S, _MOST_PACE_RAD_S)
     smoothed = pace + (measured - pace) * since / (_SMOOTH_S + since)
     values = (
@@ -133,7 +133,7 @@ def advance(state: Array, sight: Array, drive: Array, period_s: float) -> Array:
 def told(state: Array) -> Array:
     """Return what a network reads of a state, float32 of shape (..., SIZE)."""
     seen, gap, left, up, width, height, pace, turned, driven = np.moveaxis(state, -1, 0)
-    expected = _bearing(left) + pace * np.minimum(gap, _COAST_S) - _NOMINAL_YAW_RAD_S * turned
+    expected = bearing_of(left) + pace * np.minimum(gap, _COAST_S) - NOMINAL_YAW_RAD_S * turned
     values = (
         seen,
         np.log1p(gap / _GAP_UNIT_S) / math.log1p(LONGEST_S / _GAP_UNIT_S),
@@ -167,7 +167,7 @@ def over_time(sights: Array, drives: Array, period_s: float) -> Array:
     return rows
 
 
-def _bearing(left: Array) -> Array:
+def bearing_of(left: Array) -> Array:
     """Return the bearing, rad, of a place in a nominal camera's picture."""
     angle: Array = np.arctan(_NOMINAL_TAN * left)
     return angle

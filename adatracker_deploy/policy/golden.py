@@ -44,7 +44,7 @@ def unpack_golden(data: bytes, manifest: Manifest, *, where: str) -> Golden:
         "action": (ticks, len(manifest.action)),
     }
     if manifest.encoder is not None:
-        shapes["z"] = (ticks, manifest.context)
+        shapes["z"] = (ticks, manifest.told_context)
     if manifest.believes:
         shapes["belief"] = (ticks, belief.SIZE)
     try:

@@ -14,6 +14,7 @@ from typing import Annotated, Literal
 from adatracker_deploy.config.schema import Range
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.policy import belief as gaps
+from adatracker_deploy.policy import response as answering
 from adatracker_deploy.policy.base import ActionAxis
 
 FORMAT = 1
@@ -90,7 +91,10 @@ class Manifest:
     history: Annotated[int, Range(0, 1024)]
     """K, the pairs that the encoder remembers; 0 without an encoder."""
     context: Annotated[int, Range(0, 4096)]
-    """The size of z; 0 without an encoder."""
+    """The size of the encoder's z; 0 without an encoder."""
+    response: bool = False
+    """The policy's z goes on, after the encoder's, with what `response.told` says of the masks up to t and
+    the policy's own answers up to t-1."""
     mask: MaskSpec
     action: tuple[ActionAxis, ...]
     rate_hz: Annotated[float, Range(1, 100)]
@@ -102,6 +106,11 @@ class Manifest:
     licence: str
     files: dict[str, FileSpec] = field(default_factory=dict)
     """By file name; filled in by `bundle.write_bundle`."""
+
+    @property
+    def told_context(self) -> int:
+        """The size of the z that the policy is handed."""
+        return self.context + (answering.SIZE if self.response else 0)
 
     @property
     def believes(self) -> bool:
@@ -120,6 +129,7 @@ def graph_specs(
     features: int = 0,
     last_action: bool = False,
     belief: bool = False,
+    response: bool = False,
 ) -> tuple[GraphSpec | None, GraphSpec]:
     """Return the inputs and outputs of the encoder (None without one) and of the policy.
 
@@ -133,15 +143,17 @@ def graph_specs(
         features: numbers kept of one pair by a streaming encoder, F.
         last_action: the policy is handed its last answer.
         belief: the policy is handed the belief across gaps.
+        response: its z goes on with the response of the body.
     """
     picture = (mask.channels, mask.size, mask.size)
     state, z = (1, 1, hidden), () if interface == "none" else (_tensor("z", 1, context),)
+    whole = (_tensor("z", 1, context + answering.SIZE),) if response else z
     last = (_tensor("last_action", 1, actions),) if last_action else ()
     believed = (_tensor("belief", 1, gaps.SIZE),) if belief else ()
     policy = GraphSpec(
         inputs=(
             _tensor("mask", 1, *picture),
-            *z,
+            *whole,
             *last,
             *believed,
             _tensor("h", *state),
@@ -194,8 +206,11 @@ def check_manifest(manifest: Manifest, *, where: str) -> None:
         features=_last_dimension(manifest.encoder, "history"),
         last_action=_last_dimension(manifest.policy, "last_action") > 0,
         belief=manifest.believes,
+        response=manifest.response,
     )
-    if manifest.believes:
+    if manifest.response and manifest.encoder is None:
+        raise UsageError(f"{where}: response without an encoder: it continues the encoder's z")
+    if manifest.believes or manifest.response:
         _check_believer(manifest, where)
     _check_graph(manifest.encoder, encoder, f"{where}: encoder")
     _check_graph(manifest.policy, policy, f"{where}: policy")
@@ -212,14 +227,14 @@ def _check_palette(mask: MaskSpec, where: str) -> None:
 
 
 def _check_believer(manifest: Manifest, where: str) -> None:
-    """Refuse a belief that could not be computed: the target's pixels and its own drive must be known."""
+    """Refuse a belief or response that none can compute: the target's pixels and the drive must be known."""
     palette = manifest.mask.palette
     if palette.target in (palette.background, palette.person, palette.obstacle):
-        raise UsageError(f"{where}: mask.palette.target must be a colour of its own for the policy's belief")
+        raise UsageError(f"{where}: mask.palette.target must be a colour of its own for a belief or response")
     drives = {entry.axis for entry in manifest.action if entry.unit == "limit"}
     if not {"forward", "yaw"} <= drives:
         raise UsageError(
-            f"{where}: action needs forward and yaw as fractions of the limits for the policy's belief"
+            f"{where}: action needs forward and yaw as fractions of the limits for a belief or response"
         )
 
 

@@ -59,12 +59,12 @@ def test_an_arm_is_compared_with_the_whole():
 @pytest.mark.parametrize(
     ("settings", "left_out"),
     [
-        ({}, {"no-belief"}),
-        ({"belief": True}, set()),
-        ({"method": "awr", "belief": True}, {"no-search"}),
+        ({}, {"no-belief", "no-response"}),
+        ({"belief": True, "response": True}, set()),
+        ({"method": "awr", "belief": True, "response": True}, {"no-search"}),
         (
             {"method": "awr", "variants": ("no-last-action",)},
-            {"no-search", "no-belief", "no-last-action", "neither"},
+            {"no-search", "no-belief", "no-response", "no-last-action", "neither"},
         ),
     ],
 )
@@ -75,6 +75,7 @@ def test_the_arms_are_those_that_leave_something_out_and_no_two_are_the_same(set
     runs = [of_arm(whole, arm, 0) for arm in (WHOLE, *arms)]
     assert all(run not in runs[:index] for index, run in enumerate(runs))
     assert not of_arm(whole, "no-belief", 0).belief
+    assert not of_arm(whole, "no-response", 0).response
 
 
 @EXHAUSTIVE

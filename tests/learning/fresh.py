@@ -23,6 +23,7 @@ VARIANTS = {
     "no encoder, last action": replace(CONFIG, history=0, context=0, last_action=True),
     "no lstm": replace(CONFIG, lstm=False),
     "belief": replace(CONFIG, last_action=True, belief=True),
+    "response": replace(CONFIG, last_action=True, belief=True, response=True),
     "no encoder, belief": replace(CONFIG, history=0, context=0, belief=True),
     "pooled": replace(CONFIG, last_action=True, front="pooled"),
 }

@@ -16,7 +16,7 @@ from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.checkpoint import OFFLINE_EVT
 from adatracker_deploy.learning.export import export_checkpoint, largest_difference
 from adatracker_deploy.learning.rollout import rollout, walking_masks
-from adatracker_deploy.policy import belief
+from adatracker_deploy.policy import belief, response
 from adatracker_deploy.policy.base import ActionAxis
 from adatracker_deploy.policy.bundle import load_bundle, write_bundle
 from adatracker_deploy.policy.golden import GOLDEN_TOLERANCE
@@ -29,7 +29,7 @@ pytestmark = pytest.mark.slow
 ROOT = Path(__file__).parents[2]
 PUBLISHED = ROOT.parent / "shared" / "data" / "offline_evt_public.pth"
 TICKS = 30
-EACH_PART = ("belief", "pooled", "no encoder, last action", "no lstm")
+EACH_PART = ("belief", "response", "pooled", "no encoder, last action", "no lstm")
 """Variants that have each part, and lack each, at least once."""
 
 
@@ -170,6 +170,21 @@ def test_a_belief_without_forward_and_yaw_as_fractions_is_refused(tmp_path, chan
     manifest = replace(bundle.manifest, files={}, **changes)
     with pytest.raises(UsageError, match=reason):
         write_bundle(tmp_path / "c", manifest, encoder=None, policy=bundle.policy, golden=bundle.golden)
+
+
+def test_a_response_continues_the_golden_contexts(tmp_path):
+    config = fresh.VARIANTS["response"]
+    export_checkpoint(fresh.save_adatracker(tmp_path / "r.pt", config=config), tmp_path / "r")
+    bundle = load_bundle(tmp_path / "r")
+    assert bundle.manifest.response
+    told = dict(zip(response.COLUMNS, bundle.golden["z"][:, config.context :].T, strict=True))
+    for name in ("evidence", "turn_under_way", "drive_under_way", "bearing_then"):
+        assert np.ptp(told[name]) > 50 * GOLDEN_TOLERANCE, name
+    manifest = replace(bundle.manifest, files={}, response=False)
+    with pytest.raises(UsageError, match=r"policy\.inputs"):
+        write_bundle(
+            tmp_path / "c", manifest, encoder=bundle.encoder, policy=bundle.policy, golden=bundle.golden
+        )
 
 
 def test_name_rate_and_licence_can_be_given(checkpoint, tmp_path):

@@ -91,6 +91,7 @@ def sequences(length, **changes):
         delay_s=flat,
         states=torch.zeros(1, length, len(COLUMNS)),
         beliefs=torch.zeros(1, length, 0),
+        responses=torch.zeros(1, length, 0),
     )
     return replace(blank, **changes)
 

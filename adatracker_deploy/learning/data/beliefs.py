@@ -1,6 +1,8 @@
-"""Beliefs across gaps of logged steps, by the function that robots run (`policy.belief`)."""
+"""What a policy would have been told at logged steps, by the functions that robots run."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,15 +17,21 @@ _CHUNK = 20_000
 """Masks that are unpacked at a time: 80 MB."""
 
 
-def beliefs_of(
+OverTime = Callable[[NDArray[np.float32], NDArray[np.float32], float], NDArray[np.float32]]
+"""`belief.over_time` or `response.over_time`."""
+
+
+def told_over(
+    over_time: OverTime,
     masks: NDArray[np.uint8],
     actions: NDArray[np.float32],
     first: NDArray[np.int64],
     length: NDArray[np.int64],
 ) -> NDArray[np.float32]:
-    """Return what a policy that executed the logged actions would have been told, (T, `belief.SIZE`).
+    """Return what a policy that executed the logged actions would have been told, (T, W).
 
     Args:
+        over_time: says what.
         masks: (T, P) uint8, packed, of all steps of all episodes.
         actions: (T, 2), executed.
         first: (E,), the step with which each episode begins.
@@ -36,8 +44,8 @@ def beliefs_of(
     sights, drives = np.concatenate(parts), belief.drive_of(actions, ACTION)
     # All episodes walk in step; those that are over repeat their last step, and are not read there.
     place = first + np.minimum(np.arange(length.max())[:, None], length - 1)
-    told = belief.over_time(sights[place], drives[place], 1.0 / RATE_HZ)
+    told = over_time(sights[place], drives[place], 1.0 / RATE_HZ)
     exists = np.arange(length.max())[:, None] < length
-    rows = np.empty((len(masks), belief.SIZE), np.float32)
+    rows = np.empty((len(masks), told.shape[-1]), np.float32)
     rows[place[exists]] = told[exists]
     return rows

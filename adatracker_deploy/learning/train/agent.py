@@ -109,6 +109,9 @@ class Sequences:
         moved = {name: getattr(self, name).to(device) for name in self.__dataclass_fields__}
         return type(self)(**moved)
 
+    responses: Tensor
+    """(B, L, `response.SIZE`), likewise."""
+
 
 @dataclass(frozen=True, slots=True)
 class Recalled:
@@ -117,7 +120,7 @@ class Recalled:
     x: Tensor
     """(B, L, H), the policy's recurrent feature."""
     z: Tensor | None
-    """(B, L, Z), the contexts."""
+    """(B, L, Z), the encoder's contexts."""
 
 
 class Agent(nn.Module):
@@ -157,7 +160,8 @@ class Agent(nn.Module):
             z = self._contexts(self.encoder, features, sequences.actions, context_every)
         last_actions = sequences.actions[:, past - 1 : -1] if self.config.last_action else None
         beliefs = sequences.beliefs if self.config.belief else None
-        x, _ = self.policy.recall(features[:, past:], z, None, last_actions, beliefs)
+        told = torch.cat((z, sequences.responses), dim=-1) if z is not None and self.config.response else z
+        x, _ = self.policy.recall(features[:, past:], told, None, last_actions, beliefs)
         return Recalled(x, z)
 
     def _contexts(self, encoder: ContextEncoder, features: Tensor, actions: Tensor, every: int) -> Tensor:

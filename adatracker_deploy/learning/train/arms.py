@@ -32,6 +32,7 @@ ARMS: dict[str, tuple[Variant, ...]] = {
     "no-lstm": ("no-lstm",),
     "no-search": ("no-search",),
     "no-belief": (),
+    "no-response": (),
 }
 """By name: what is left out. `no-encoder` gets its last action instead of a context, `no-last-action` is
 the paper's policy, `neither` is Offline EVT's on the same data."""
@@ -72,7 +73,8 @@ def of_arm(settings: TrainSettings, arm: str, seed: int) -> TrainSettings:
     """Return the settings of an arm's run from a training seed: the whole's, less what the arm leaves out."""
     variants = tuple(sorted({*settings.variants, *ARMS[arm]}))
     belief = settings.belief and arm != "no-belief"
-    return replace(settings, variants=variants, belief=belief, seed=seed)
+    response = settings.response and arm != "no-response"
+    return replace(settings, variants=variants, belief=belief, response=response, seed=seed)
 
 
 def arms_of(settings: TrainSettings) -> list[str]:

@@ -47,15 +47,17 @@ from adatracker_deploy.learning.train.snapshot import (
     write_snapshot,
 )
 from adatracker_deploy.learning.train.visitor import visit_round
-from adatracker_deploy.policy import belief
 from adatracker_deploy.policy.catalogue import find_bundle
 
 if TYPE_CHECKING:
+    from torch import Tensor
+
+    from adatracker_deploy.learning.networks import AdaTrackerConfig
     from adatracker_deploy.policy.bundle import Bundle
 
 SNAPSHOT_EVERY_S = 120.0
 _INPUTS = "policy.memory.weight_ih_l0"
-"""What the policy's LSTM makes of its inputs, of which the belief is the last."""
+"""What the policy's LSTM makes of its inputs."""
 
 Tell = Callable[[int, float], None]
 """Told, after an update, how many were made and the last loss."""
@@ -143,7 +145,7 @@ def _learner(settings: TrainSettings, device: str) -> Learner:
 def _begin_with(agent: Agent, other: str) -> None:
     """Take over the networks of another run's folder, or of a bundle.
 
-    An agent that is told a belief may begin with networks that are not: it ignores it at first.
+    An agent that is told a belief or a response may begin with networks that are not: it ignores it at first.
 
     Raises:
         UsageError: there is neither, or its networks differ.
@@ -165,18 +167,32 @@ def _begin_with(agent: Agent, other: str) -> None:
             if module is not None
             for name, value in module.state_dict().items()
         }
-    untold = agent.config.belief and not config.belief and config.lstm and agent.config.lstm
-    if untold:
-        config = replace(config, belief=True)
+    before = config
+    if config.lstm and agent.config.lstm:
+        config = replace(
+            config,
+            belief=config.belief or agent.config.belief,
+            response=config.response or agent.config.response,
+        )
     for field in fields(config):
         theirs, ours = getattr(config, field.name), getattr(agent.config, field.name)
         if theirs != ours:
             raise UsageError(f"{other}: its networks differ: {field.name} {theirs!r}, not {ours!r}")
-    if untold:
-        blank = agent.state_dict()[_INPUTS].clone().zero_()
-        blank[:, : -belief.SIZE] = weights[_INPUTS]
-        weights = weights | {_INPUTS: blank}
+    if config != before:
+        weights = weights | {_INPUTS: _widened(weights[_INPUTS], before, config)}
     agent.load_state_dict(weights)
+
+
+def _widened(weights: Tensor, before: AdaTrackerConfig, after: AdaTrackerConfig) -> Tensor:
+    """Return the weights of a layer over the inputs `after`, zeros for those that it had not `before`."""
+    widths = [width for width in before.inputs.values() if width]
+    parts = iter(torch.split(weights, widths, dim=1))
+    columns = [
+        next(parts) if before.inputs[name] else weights.new_zeros(len(weights), width)
+        for name, width in after.inputs.items()
+        if width
+    ]
+    return torch.cat(columns, dim=1)
 
 
 def _bundle(name_or_dir: str) -> Bundle:
@@ -251,6 +267,7 @@ class _Run:
     def _labelled(self, data: Dataset) -> Dataset:
         searches = self._settings.method == "dagger" and "no-search" not in self._settings.variants
         data = data.believing() if self._settings.belief else data
+        data = data.responding() if self._settings.response else data
         if self._settings.front == "pooled":
             data = data.with_statistics(statistics_of(data.steps.masks))
         return data.searching() if searches else data

@@ -57,6 +57,8 @@ class TrainSettings:
     """What looks at a mask (`AdaTrackerConfig.front`)."""
     belief: bool = False
     """The policy is told the belief across gaps (`policy.belief`)."""
+    response: bool = False
+    """The policy is told the response of the body (`policy.response`)."""
     bfloat16: bool = False
     """Pays where the processor multiplies such numbers itself (AMX, a GPU); elsewhere it is slower."""
 
@@ -67,5 +69,8 @@ class TrainSettings:
             lstm="no-lstm" not in self.variants,
             front=self.front,
             belief=self.belief,
+            response=self.response,
         )
-        return replace(config, history=0, context=0) if "no-encoder" in self.variants else config
+        if "no-encoder" in self.variants:  # the whole context
+            config = replace(config, history=0, context=0, response=False)
+        return config

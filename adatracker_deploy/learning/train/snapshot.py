@@ -92,7 +92,11 @@ def check_same_run(snapshot: Snapshot, settings: TrainSettings, data_steps: int,
 
 def write_policy(out: Path, agent: Agent, settings: TrainSettings, update: int) -> None:
     """Write the policy as it stands, for export."""
-    told = {"pooled front": settings.front == "pooled", "belief": settings.belief}
+    told = {
+        "pooled front": settings.front == "pooled",
+        "belief": settings.belief,
+        "response": settings.response,
+    }
     parts = (*settings.variants, *(name for name, has in told.items() if has))
     apart = f", {', '.join(parts)}" if parts else ""
     source = "logged trials" if settings.logs else f"recipe {Path(settings.recipe).stem}"

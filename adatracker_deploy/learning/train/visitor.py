@@ -19,7 +19,7 @@ from adatracker_deploy.learning.data.workers import in_processes
 from adatracker_deploy.learning.episode_spec import RATE_HZ
 from adatracker_deploy.learning.tracking import ACTION
 from adatracker_deploy.learning.train.agent import Agent, drawn
-from adatracker_deploy.policy import belief
+from adatracker_deploy.policy import belief, response
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -40,6 +40,7 @@ class Visitor:
         self._features = self._blank[:, 0]
         self._pairs: Tensor | None = None
         self._believed: NDArray[np.float32] | None = None
+        self._response: response.Evidence | None = None
         self._state: LstmState | None = None
 
     @torch.no_grad()
@@ -53,6 +54,8 @@ class Visitor:
         z = None
         if encoder is not None:
             z = encoder.summarise(self._remembered(last, forget))[:, None]
+            if self._agent.config.response:
+                z = torch.cat((z, self._responses(masks, last_actions, resets)), dim=-1)
         self._features = policy.backbone(drawn(masks).to(self._device))
         if self._state is not None:
             self._state = (
@@ -75,6 +78,17 @@ class Visitor:
         sight, drive = belief.sight_of(masks == MaskClass.TARGET), belief.drive_of(last_actions, ACTION)
         self._believed = belief.advance(before, sight, drive, 1.0 / RATE_HZ)
         return torch.from_numpy(belief.told(self._believed)[:, None]).to(self._device)
+
+    def _responses(
+        self, masks: NDArray[np.uint8], last_actions: NDArray[np.float32], resets: NDArray[np.bool_]
+    ) -> Tensor:
+        """Return the responses of the bodies (E, 1, `response.SIZE`), one step on."""
+        period_s = 1.0 / RATE_HZ
+        blank = response.initial(len(masks), period_s=period_s)
+        before = blank if self._response is None else response.kept_where(~resets, self._response, blank)
+        sight, drive = belief.sight_of(masks == MaskClass.TARGET), belief.drive_of(last_actions, ACTION)
+        self._response = response.advance(before, sight, drive, period_s)
+        return torch.from_numpy(response.told(self._response, period_s)[:, None]).to(self._device)
 
     def _remembered(self, last: Tensor, forget: Tensor) -> Tensor:
         """Return the K pairs (E, K, F + A) that z is made of, the step before's the newest."""
