@@ -133,7 +133,7 @@ def test_who_is_met_again_after_a_full_turn_is_taken_back(around):
 
 
 @pytest.mark.parametrize("clothes", ["red", "red with green trousers", "red under a blue coat"])
-@pytest.mark.parametrize("stays_s", [0.5, 1.5, 3.0, 6.0])
+@pytest.mark.parametrize("stays_s", [0.5, 1.5, 3.0])
 def test_who_steps_before_the_target_is_not_taken_for_it_and_it_is_found_when_they_have_gone(
     clothes, stays_s
 ):
@@ -145,6 +145,26 @@ def test_who_steps_before_the_target_is_not_taken_for_it_and_it_is_found_when_th
     said = follow([target, nearer], gone_s + 5)
     assert 1 not in followed(said)
     assert followed(said)[-1] == 0
+
+
+def test_a_target_that_goes_on_under_the_track_of_whom_it_crossed_is_taken_back_after_a_while():
+    """Tracks are swapped when two cross: what seems to have hidden the target is the target."""
+
+    def at(*lefts):
+        return np.array([(left, 20, left + 40, 120) for left in lefts], np.float32)
+
+    own, stranger = looking([0]), looking([2])
+    both = np.concatenate((own, stranger))
+    pictures = [
+        *[(at(100, 170), both)] * 15,
+        *[(at(100, left), both) for left in range(170, 114, -5)],
+        *[(at(115), stranger)] * 25,
+        *[(at(115), _mixture(share)) for share in np.linspace(1, 0, 60)],
+        *[(at(115), own)] * 80,
+    ]
+    said = _said((at(100), own), pictures)
+    assert said[120][0] is LOST
+    assert said[-1] == (TRACKED, 0)
 
 
 def test_a_second_box_on_the_target_itself_does_not_hide_it():
