@@ -30,11 +30,11 @@ _B = len(DELAY_S)
 
 COLUMNS = (
     *("evidence", "delay", "delay_spread", "lag", "lag_spread", "gain"),
-    *("turn_under_way", "turning", "drive_under_way", "driving", "bearing_then"),
+    *("turn_under_way", "turning", "drive_under_way", "driving", "bearing_then", "pace"),
 )
-"""Inputs of a network, each about -1 to 1. The last five are of the moment at which the next command begins
-to work: how far the body turns until then and how fast it turns then, the same of its drive, and where the
-target is then, if it stands still."""
+"""Inputs of a network, each about -1 to 1. Five are of the moment at which the next command begins to work:
+how far the body turns until then and how fast it turns then, the same of its drive, and where the target is
+then, if it stands still. The last is the target's own angular speed about the camera, left positive."""
 SIZE = len(COLUMNS)
 
 _SLOW_S = 0.2
@@ -51,6 +51,12 @@ _EDGE = 0.97
 """A target that reaches further to a side, in half pictures, may be cut off; its middle is not its own."""
 _ENOUGH_STEPS = 30.0
 _BEARING_UNIT_RAD = math.radians(60.0)
+_PACE_UNIT_RAD_S = 2.0
+_SMOOTH_S = 0.3
+"""Time constant of the pace: a walking person's outline sways with every stride."""
+_LONG_S = 1.0
+"""A pace measured over a longer gap is none."""
+_MOST_PACE_RAD_S = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,8 +77,12 @@ class Evidence:
     """(..., 1), how many steps count."""
     bearing: Array
     """(..., 1), of the target when it was last seen, rad."""
+    gap_s: Array
+    """(..., 1), the time since."""
     swept: Array
     """(..., B), how far each nominal body has turned since, in seconds of full turning."""
+    pace: Array
+    """(..., B), the target's own angular speed as each nominal body has it, rad/s."""
     whole: NDArray[np.bool_]
     """(..., 1), whether it was in that picture, and not cut off."""
 
@@ -92,7 +102,9 @@ def initial(*shape: int, period_s: float) -> Evidence:
         squares=zeros(_B),
         steps=zeros(1),
         bearing=zeros(1),
+        gap_s=zeros(1) + np.float32(_LONG_S),
         swept=zeros(_B),
+        pace=zeros(_B),
         whole=np.zeros((*shape, 1), np.bool_),
     )
 
@@ -107,8 +119,8 @@ def advance(state: Evidence, sight: Array, drive: Array, period_s: float) -> Evi
     seen, bearing = sight[..., :1] > 0, bearing_of(sight[..., 1:2])
     whole = seen & (np.abs(sight[..., 1:2]) + sight[..., 3:4] < _EDGE)
     counts = whole & state.whole
-    swept = np.clip(bearing - state.bearing, -_MOST_STEP_RAD, _MOST_STEP_RAD)
-    motion = np.concatenate((swept, -speeds[..., 1, :] * period_s), axis=-1)
+    moved = np.clip(bearing - state.bearing, -_MOST_STEP_RAD, _MOST_STEP_RAD)
+    motion = np.concatenate((moved, -speeds[..., 1, :] * period_s), axis=-1)
     quick = 1.0 - math.exp(-period_s / _SLOW_S)
     slow = np.where(counts, state.slow + quick * (motion - state.slow), state.slow)
     fast = motion - slow
@@ -116,6 +128,13 @@ def advance(state: Evidence, sight: Array, drive: Array, period_s: float) -> Evi
 
     def summed(total: Array, more: Array) -> Array:
         return (kept * total + np.where(counts, more, 0.0)).astype(np.float32)
+
+    swept = state.swept + speeds[..., 1, :] * period_s
+    gap_s = state.gap_s + np.float32(period_s)
+    measured = (bearing - state.bearing + _gains(state) * swept) / gap_s
+    measured = np.clip(measured, -_MOST_PACE_RAD_S, _MOST_PACE_RAD_S)
+    smoothed = state.pace + (measured - state.pace) * gap_s / (_SMOOTH_S + gap_s)
+    pace = np.where(seen, np.where(gap_s <= _LONG_S, smoothed, 0.0), state.pace)
 
     return Evidence(
         commands=commands.astype(np.float32),
@@ -125,7 +144,9 @@ def advance(state: Evidence, sight: Array, drive: Array, period_s: float) -> Evi
         squares=summed(state.squares, fast[..., 1:] ** 2),
         steps=summed(state.steps, np.ones_like(state.steps)),
         bearing=np.where(seen, bearing, state.bearing).astype(np.float32),
-        swept=np.where(seen, 0.0, state.swept + speeds[..., 1, :] * period_s).astype(np.float32),
+        gap_s=np.where(seen, 0.0, np.minimum(gap_s, 2.0 * _LONG_S)).astype(np.float32),
+        swept=np.where(seen, 0.0, swept).astype(np.float32),
+        pace=pace.astype(np.float32),
         whole=whole,
     )
 
@@ -137,12 +158,18 @@ def likelihood(state: Evidence) -> tuple[Array, Array]:
     regression with Gaussian errors of unknown variance: its residual to the power of -n / 2.
     """
     motion, products = state.products[..., :1], state.products[..., 1:]
-    gain = np.maximum(products + _PRIOR_RAD2 * NOMINAL_YAW_RAD_S, 0.0) / (state.squares + _PRIOR_RAD2)
+    gain = _gains(state)
     noise = _NOISE_RAD2 * (1.0 + state.steps)
     residual = np.maximum(motion - 2.0 * gain * products + gain**2 * state.squares, 0.0) + noise
     logarithm = -0.5 * state.steps * np.log(residual / (motion + noise))
     weight = np.exp(logarithm - logarithm.max(-1, keepdims=True))
     return weight / weight.sum(-1, keepdims=True), gain
+
+
+def _gains(state: Evidence) -> Array:
+    pulled = state.products[..., 1:] + _PRIOR_RAD2 * NOMINAL_YAW_RAD_S
+    gains: Array = np.maximum(pulled, 0.0) / (state.squares + _PRIOR_RAD2)
+    return gains
 
 
 def told(state: Evidence, period_s: float) -> Array:
@@ -178,6 +205,7 @@ def told(state: Evidence, period_s: float) -> Array:
         drive / _DELAYS_S[-1],
         forward,
         (state.bearing[..., 0] - gain * (swept + since)) / _BEARING_UNIT_RAD,
+        (likely * state.pace).sum(-1) / _PACE_UNIT_RAD_S,
     )
     return np.stack([np.asarray(value, np.float32) for value in values], axis=-1)
 

@@ -128,6 +128,19 @@ def test_across_a_gap_the_turn_adds_up():
     assert told["bearing_then"] * math.radians(60) == pytest.approx(follower.bearing, abs=0.08)
 
 
+@pytest.mark.parametrize("delay_s", [0.0, 0.5])
+def test_the_targets_own_pace_is_told_however_late_the_body_turns(delay_s):
+    follower = Follower(a_body(delay_s))
+    follower.follow(20.0)
+    paces, told = [], []
+    for _ in range(200):
+        told.append(follower.look()["pace"])
+        paces.append(follower.pace / 2.0)
+        follower.step(float(np.clip(1.2 * follower.bearing + 0.3 * follower.rng.normal(), -1, 1)))
+    smoothed = np.convolve(paces, np.exp(-np.arange(10) / 3), "full")[:200] / np.exp(-np.arange(10) / 3).sum()
+    assert np.corrcoef(told[10:], smoothed[10:])[0, 1] > 0.8
+
+
 def test_a_body_that_changes_is_found_again():
     follower = Follower(a_body(delay_s=0.1))
     follower.follow(20.0)
