@@ -121,7 +121,7 @@ def begun_with(bundle, data, out, **told):
 
 
 def test_a_run_begins_with_the_weights_of_the_shipped_bundle(data, tmp_path):
-    begun_with("adatracker", data, tmp_path / "on")
+    begun_with("adatracker", data, tmp_path / "on", response=True)
 
 
 def test_told_a_belief_a_bundle_answers_as_before_until_it_has_learned_what_that_means(data, tmp_path):
