@@ -117,7 +117,7 @@ def begun_with(bundle, data, out, **told):
     answers = rollout(load_checkpoint(trained(settings, data, out)), golden["mask"])
     for name in ("action", "z"):
         begun = answers[name][:, : golden[name].shape[1]]
-        assert np.abs(begun - golden[name]).max() < 1e-4
+        assert np.abs(begun - golden[name]).max() < 1e-3
 
 
 def test_a_run_begins_with_the_weights_of_the_shipped_bundle(data, tmp_path):
