@@ -40,8 +40,8 @@ def now_s(device: torch.device) -> float:
 def updates(dataset: Dataset, settings: TrainSettings, device: torch.device) -> None:
     agent = Agent(settings.config()).to(device)
     learner = {"cql_sac": CqlSac, "awr": Awr, "dagger": Dagger}[settings.method](agent, settings)
-    dataset = dataset.believing() if settings.belief else dataset
-    dataset = dataset.responding() if settings.response else dataset
+    if settings.belief or settings.response:
+        dataset = dataset.told(believes=settings.belief, responds=settings.response)
     learner.prepare(dataset, print)
     for number in range(WARM_UP + UPDATES):
         if number == WARM_UP:

@@ -80,6 +80,8 @@ def settings_of(args: argparse.Namespace, where: str, **more: Any) -> TrainSetti
     for name in args.variant:
         if name not in get_args(Variant):
             raise UsageError(f"--variant: unknown {name!r}; known are {', '.join(get_args(Variant))}")
+    if args.response and "no-encoder" in args.variant:
+        raise UsageError("--response: is part of the context, which --variant no-encoder leaves out")
     asked = {key: getattr(args, key) for key in _KEYS} | more
     given = {key: value for key, value in asked.items() if value is not None}
     return parse(TrainSettings, given | {"variants": sorted(set(args.variant))}, where=where)

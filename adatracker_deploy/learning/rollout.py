@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from adatracker_deploy.core.messages import ClassMask, MaskClass
-from adatracker_deploy.learning.checkpoint import AdaTracker, Checkpoint, CheckpointMeta, OfflineEvt
+from adatracker_deploy.learning.checkpoint import AdaTracker, Checkpoint, OfflineEvt
 from adatracker_deploy.learning.networks import LstmState
-from adatracker_deploy.policy import belief, response
-from adatracker_deploy.policy.belief import Array
+from adatracker_deploy.policy import belief
 from adatracker_deploy.policy.drawing import MaskPainter
 from adatracker_deploy.policy.golden import Golden
 from adatracker_deploy.policy.manifest import MaskSpec
+from adatracker_deploy.policy.past import Told, over_time
 
 
 def rollout(checkpoint: Checkpoint, masks: NDArray[np.float32]) -> Golden:
@@ -36,27 +36,28 @@ def rollout(checkpoint: Checkpoint, masks: NDArray[np.float32]) -> Golden:
             return answers | {"action": torch.tanh(mean[0]).numpy()}
         actions, contexts = _adatracker(checkpoint, seen)
     answers["action"] = actions.numpy()
+    told = _told(checkpoint, masks, answers["action"])
     if checkpoint.policy.config.belief:
-        answers["belief"] = _beliefs(masks, answers["action"], checkpoint.meta)
+        answers["belief"] = told.belief
     return answers if checkpoint.encoder is None else answers | {"z": contexts.numpy()}
 
 
-def _beliefs(masks: NDArray[np.float32], actions: NDArray[np.float32], meta: CheckpointMeta) -> Array:
-    """Return the beliefs (T, `belief.SIZE`) of masks (T, C, S, S) and the actions (T, A) after them."""
-    return belief.over_time(*_past(masks, actions, meta), 1.0 / meta.rate_hz)
-
-
-def _past(
-    masks: NDArray[np.float32], actions: NDArray[np.float32], meta: CheckpointMeta
-) -> tuple[Array, Array]:
-    """Return the sights (T, `len(SIGHT)`) in masks (T, C, S, S) and the drives (T, 2) of actions (T, A)."""
+def _told(checkpoint: AdaTracker, masks: NDArray[np.float32], actions: NDArray[np.float32]) -> Told:
+    """Return what the policy is told at masks (T, C, S, S), by the actions (T, A) after them."""
+    config, meta = checkpoint.policy.config, checkpoint.meta
     target = np.stack([belief.target_pixels(mask, meta.mask) for mask in masks])
-    return belief.sight_of(target), belief.drive_of(actions, meta.action)
+    return over_time(
+        belief.sight_of(target),
+        belief.drive_of(actions, meta.action),
+        believes=config.belief,
+        responds=config.response,
+        period_s=1.0 / meta.rate_hz,
+    )
 
 
 def _adatracker(checkpoint: AdaTracker, masks: Tensor) -> tuple[Tensor, Tensor]:
     """Return actions (T, A) and contexts (T, Z); pairs and actions from before the episode are zeros."""
-    encoder, policy, meta = checkpoint.encoder, checkpoint.policy, checkpoint.meta
+    encoder, policy = checkpoint.encoder, checkpoint.policy
     config = policy.config
     past_masks = torch.cat((torch.zeros(config.history, *masks.shape[1:]), masks))
     past_actions = torch.zeros(config.history + len(masks), config.actions)
@@ -66,18 +67,14 @@ def _adatracker(checkpoint: AdaTracker, masks: Tensor) -> tuple[Tensor, Tensor]:
     for tick, mask in enumerate(masks):
         window, z = slice(tick, tick + config.history), None
         own = past_actions[config.history :][: tick + 1].numpy()
+        told = _told(checkpoint, masks[: tick + 1].numpy(), own)
         if encoder is not None:
             z = encoder(past_masks[None, window], past_actions[None, window])[None]
-            if config.response:
-                past = _past(masks[: tick + 1].numpy(), own, meta)
-                told_last = response.over_time(*past, 1.0 / meta.rate_hz)[None, -1:]
-                z = torch.cat((z, torch.from_numpy(told_last)), dim=-1)
+            z = torch.cat((z, torch.from_numpy(told.response[None, -1:])), dim=-1)
             contexts[tick] = z[0, 0]
-        believed = None
-        if config.belief:
-            believed = torch.from_numpy(_beliefs(masks[: tick + 1].numpy(), own, meta)[None, -1:])
-        told = last_action if config.last_action else None
-        mean, _, state = policy(mask[None, None], z, state, told, believed)
+        believed = torch.from_numpy(told.belief[None, -1:]) if config.belief else None
+        before = last_action if config.last_action else None
+        mean, _, state = policy(mask[None, None], z, state, before, believed)
         last_action = torch.tanh(mean)
         past_actions[tick + config.history] = last_action[0, 0]
     return past_actions[config.history :], contexts

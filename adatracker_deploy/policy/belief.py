@@ -147,26 +147,6 @@ def told(state: Array) -> Array:
     return np.stack([np.asarray(value, np.float32) for value in values], axis=-1)
 
 
-def over_time(sights: Array, drives: Array, period_s: float) -> Array:
-    """Return what a network is told at each step of one or more episodes, from their start.
-
-    Args:
-        sights: (T, ..., len(SIGHT)).
-        drives: (T, ..., 2), what was commanded at each step; the last one does not matter.
-        period_s: of a step.
-
-    Returns:
-        float32 of shape (T, ..., SIZE).
-    """
-    state = initial(*sights.shape[1:-1])
-    drive = np.zeros_like(drives[:1])[0] if len(drives) else np.zeros((*sights.shape[1:-1], 2), np.float32)
-    rows = np.empty((*sights.shape[:-1], SIZE), np.float32)
-    for step, sight in enumerate(sights):
-        state = advance(state, sight, drive, period_s)
-        rows[step], drive = told(state), drives[step]
-    return rows
-
-
 def bearing_of(left: Array) -> Array:
     """Return the bearing, rad, of a place in a nominal camera's picture."""
     angle: Array = np.arctan(_NOMINAL_TAN * left)

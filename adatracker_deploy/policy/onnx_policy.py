@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.core.messages import Action
 from adatracker_deploy.core.onnx_session import OnnxSession, one_line
-from adatracker_deploy.policy import belief, response
+from adatracker_deploy.policy import belief
 from adatracker_deploy.policy.base import PolicyInfo
 from adatracker_deploy.policy.bundle import ENCODER_NAME, GOLDEN_NAME, POLICY_NAME
 from adatracker_deploy.policy.drawing import MaskPainter
 from adatracker_deploy.policy.golden import GOLDEN_TICKS, GOLDEN_TOLERANCE
+from adatracker_deploy.policy.past import Past
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -47,7 +48,9 @@ class OnnxPolicy:
         manifest = bundle.manifest
         self._mask = manifest.mask
         self._painter = MaskPainter(manifest.mask)
-        self._believes, self._responds = manifest.believes, manifest.response
+        self._past = Past(
+            believes=manifest.believes, responds=manifest.response, period_s=1.0 / manifest.rate_hz
+        )
         self._encoder = _encoder(bundle, providers)
         self._policy = _Network(
             bundle.policy, manifest.policy, providers, where=f"{bundle.folder}/{POLICY_NAME}"
@@ -74,8 +77,7 @@ class OnnxPolicy:
         self._painter.reset(seed)
         self._policy.clear()
         self._imposed: Array | None = None
-        self._believed = belief.initial()
-        self._response = response.initial(period_s=1.0 / self._info.rate_hz)
+        self._past.forget()
         self._drive = np.zeros(2, np.float32)
         if self._encoder is not None:
             self._encoder.reset()
@@ -110,35 +112,25 @@ class OnnxPolicy:
         """
         inputs = self._policy.inputs
         np.copyto(inputs["mask"][0], mask_input)
-        if self._believes or self._responds:
-            self._look(mask_input)
-        if self._believes:
-            inputs["belief"] = belief.told(self._believed)[None]
+        if self._past.told_anything:
+            target = belief.target_pixels(mask_input, self._mask)
+            self._past.look(belief.sight_of(target), self._drive)
+        told = self._past.told()
+        if "belief" in inputs:
+            inputs["belief"] = told.belief[None]
         context = None
         if self._encoder is not None:
-            own = self._encoder.context()
-            if self._responds:
-                told = response.told(self._response, 1.0 / self._info.rate_hz)
-                own = np.concatenate((own, told[None]), axis=1)
+            own = np.concatenate((self._encoder.context(), told.response[None]), axis=1)
             inputs["z"] = own if self._imposed is None else self._imposed
             context = inputs["z"][0]
         action, inputs["h"], inputs["c"] = self._policy.run("action", "h_next", "c_next")
         if "last_action" in inputs:
             inputs["last_action"] = action
-        if self._believes or self._responds:
+        if self._past.told_anything:
             self._drive = belief.drive_of(action[0], self._info.action)
         if self._encoder is not None:
             self._encoder.remember(inputs["mask"], action)
         return action[0], context
-
-    def _look(self, mask_input: Array) -> None:
-        """Go on to this mask, after the last answer."""
-        sight = belief.sight_of(belief.target_pixels(mask_input, self._mask))
-        period_s = 1.0 / self._info.rate_hz
-        if self._believes:
-            self._believed = belief.advance(self._believed, sight, self._drive, period_s)
-        if self._responds:
-            self._response = response.advance(self._response, sight, self._drive, period_s)
 
 
 class _Network:

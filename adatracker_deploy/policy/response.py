@@ -235,14 +235,3 @@ def kept_where(kept: NDArray[np.bool_], one: Evidence, other: Evidence) -> Evide
         return np.where(kept.reshape(-1, *[1] * (first.ndim - 1)), first, second)
 
     return Evidence(**{field.name: chosen(field.name) for field in fields(Evidence)})
-
-
-def over_time(sights: Array, drives: Array, period_s: float) -> Array:
-    """Return what a network is told at each step, float32 (T, ..., SIZE); see `belief.over_time`."""
-    state = initial(*sights.shape[1:-1], period_s=period_s)
-    drive = np.zeros((*sights.shape[1:-1], 2), np.float32)
-    rows = np.empty((*sights.shape[:-1], SIZE), np.float32)
-    for step, sight in enumerate(sights):
-        state = advance(state, sight, drive, period_s)
-        rows[step], drive = told(state, period_s), drives[step]
-    return rows

@@ -187,6 +187,13 @@ def test_a_response_continues_the_golden_contexts(tmp_path):
         )
 
 
+def test_a_response_without_a_context_to_continue_is_refused(tmp_path):
+    bundle = a_believer(tmp_path)
+    manifest = replace(bundle.manifest, files={}, response=True, encoder=None)
+    with pytest.raises(UsageError, match="response without an encoder"):
+        write_bundle(tmp_path / "c", manifest, encoder=None, policy=bundle.policy, golden=bundle.golden)
+
+
 def test_name_rate_and_licence_can_be_given(checkpoint, tmp_path):
     manifest = export_checkpoint(checkpoint, tmp_path / "b", name="mine", rate_hz=20, licence="MIT")
     assert (manifest.name, manifest.rate_hz, manifest.licence) == ("mine", 20.0, "MIT")

@@ -10,16 +10,15 @@ import pytest
 import torch
 
 from adatracker_deploy.learning.checkpoint import ADATRACKER_MASK, AdaTracker
-from adatracker_deploy.learning.data.beliefs import told_over
 from adatracker_deploy.learning.data.dataset import Batch, Dataset
 from adatracker_deploy.learning.data.recipe import load_recipe
 from adatracker_deploy.learning.data.shard import distinct_patches, pack_masks, read_shard
 from adatracker_deploy.learning.data.state import COLUMNS
+from adatracker_deploy.learning.data.told import told_at_steps
 from adatracker_deploy.learning.rollout import rollout
 from adatracker_deploy.learning.tracking import ACTION
 from adatracker_deploy.learning.train.agent import Agent, Sequences, drawn, statistics_of
 from adatracker_deploy.learning.train.visitor import Visitor, visit_round
-from adatracker_deploy.policy import belief, response
 from adatracker_deploy.policy.drawing import MaskPainter
 from tests.learning import fresh
 from tests.tiers import EXHAUSTIVE
@@ -51,12 +50,15 @@ def batch_of(masks, actions, past, *, pooled=False):
     blank = np.zeros((count, length), np.float32)
     body = np.zeros(count, np.float32)
     first, steps = np.arange(count) * length, masks.reshape(-1, 64, 64)
-    beliefs, responses = (
-        told_over(
-            over_time, pack_masks(steps), actions.reshape(-1, 2), first, np.full(count, length)
-        ).reshape(count, length, -1)
-        for over_time in (belief.over_time, response.over_time)
+    told = told_at_steps(
+        pack_masks(steps),
+        actions.reshape(-1, 2),
+        first,
+        np.full(count, length),
+        believes=True,
+        responds=True,
     )
+    beliefs, responses = (values.reshape(count, length, -1) for values in told)
     packed = pack_masks(np.pad(masks, (*before, (0, 0), (0, 0))))
     statistics = statistics_of(packed.reshape(-1, packed.shape[-1])).reshape(*packed.shape[:2], -1)
     return Batch(

@@ -58,6 +58,7 @@ def test_its_help_names_every_variant(capsys):
 @pytest.mark.parametrize(
     ("more", "reason"),
     [
+        (["--response", "--variant", "no-encoder"], "--response: is part of the context"),
         (["--variant", "no-brakes"], "--variant: unknown 'no-brakes'; known are no-identification"),
         (["--updates", "0"], "updates: 0 is out of range"),
         (["--rounds", "-1"], "rounds: -1 is out of range"),

@@ -13,6 +13,7 @@ from adatracker_deploy.core.messages import MaskClass
 from adatracker_deploy.policy import belief
 from adatracker_deploy.policy.base import ActionAxis
 from adatracker_deploy.policy.drawing import MaskPainter
+from adatracker_deploy.policy.past import over_time
 from tests.policy import tiny
 
 PERIOD_S = 0.1
@@ -92,14 +93,18 @@ def test_a_long_gap_says_nothing_of_the_pace_and_ends():
     assert told["gap"] == pytest.approx(1)
 
 
+def beliefs_of(sights, drives):
+    return over_time(sights, drives, believes=True, responds=False, period_s=PERIOD_S).belief
+
+
 @settings(max_examples=30)
 @given(seed=st.integers(0, 1 << 32))
 def test_many_at_once_are_told_what_each_is_alone_and_nothing_leaves_its_range(seed):
     rng = np.random.default_rng(seed)
     shown = (rng.random((60, 3, 16, 16)) < 0.02) & (rng.random((60, 3, 1, 1)) < 0.3)
     drives = rng.uniform(-1, 1, (60, 3, 2)).astype(np.float32)
-    together = belief.over_time(belief.sight_of(shown), drives, PERIOD_S)
-    alone = belief.over_time(belief.sight_of(shown[:, 1]), drives[:, 1], PERIOD_S)
+    together = beliefs_of(belief.sight_of(shown), drives)
+    alone = beliefs_of(belief.sight_of(shown[:, 1]), drives[:, 1])
     np.testing.assert_allclose(together[:, 1], alone, atol=1e-5)
     assert np.abs(together).max() <= 2.0
     assert together.dtype == np.float32

@@ -13,6 +13,7 @@ from adatracker_deploy.core.geometry import Pose, wrap_angle
 from adatracker_deploy.core.messages import Twist
 from adatracker_deploy.platform import CameraMount
 from adatracker_deploy.policy import response
+from adatracker_deploy.policy.past import over_time
 from adatracker_deploy.sim.bodies import DriveSettings, KinematicBody
 
 YAW_RAD_S = math.radians(120)
@@ -170,8 +171,11 @@ def test_many_at_once_are_told_what_each_is_alone(seed):
     sights[..., 3:] = rng.uniform(0, 0.5, (60, 3, 2))
     sights *= sights[..., :1]
     drives = rng.uniform(-3, 3, (60, 3, 2)).astype(np.float32)
-    together = response.over_time(sights, drives, 0.1)
-    np.testing.assert_allclose(together[:, 1], response.over_time(sights[:, 1], drives[:, 1], 0.1), atol=1e-4)
+    together, alone = (
+        over_time(sights[:, one], drives[:, one], believes=False, responds=True, period_s=0.1).response
+        for one in (slice(None), 1)
+    )
+    np.testing.assert_allclose(together[:, 1], alone, atol=1e-4)
     assert np.isfinite(together).all()
     told = dict(zip(response.COLUMNS, np.moveaxis(together, -1, 0), strict=True))
     assert all(np.abs(told[name]).max() <= 1.0 for name in ("evidence", "delay", "delay_spread", "driving"))

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adatracker_deploy.core.errors import UsageError
-from adatracker_deploy.learning.data.beliefs import OverTime, told_over
 from adatracker_deploy.learning.data.logged import logged_trials, read_logged
 from adatracker_deploy.learning.data.search import search_labels
 from adatracker_deploy.learning.data.shard import Steps, read_shard
 from adatracker_deploy.learning.data.state import described
-from adatracker_deploy.policy import belief, response
+from adatracker_deploy.learning.data.told import told_at_steps
+from adatracker_deploy.policy.past import Told
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -68,9 +68,9 @@ class Batch:
     states: NDArray[np.float32]
     """(B, L, S), true."""
     beliefs: NDArray[np.float32]
-    """(B, L, `belief.SIZE`); no columns unless the data are `believing`."""
+    """(B, L, `belief.SIZE`); no columns unless the data are `told` it."""
     responses: NDArray[np.float32]
-    """(B, L, `response.SIZE`); no columns unless they are `responding`."""
+    """(B, L, `response.SIZE`); likewise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,7 +111,8 @@ class Dataset:
         self.steps = steps if kept.all() else replace(steps, finals=steps.finals[kept])
         self._length: _Index = np.array([episode.steps for episode in headers], np.int64)
         self._first: _Index = np.cumsum(self._length) - self._length
-        self._beliefs = self._responses = np.zeros((len(steps), 0), np.float32)
+        nothing = np.zeros((len(steps), 0), np.float32)
+        self._told = Told(nothing, nothing)
         self._statistics = np.zeros((len(steps), 0), np.float16)
         bodies = [(header.body, header.change) for header in headers]
         self._bodies = np.array(
@@ -166,16 +167,13 @@ class Dataset:
         found.steps = replace(self.steps, experts=labels)
         return found
 
-    def believing(self) -> Self:
-        """Return the same data, with the belief across gaps at each of its steps."""
+    def told(self, *, believes: bool, responds: bool) -> Self:
+        """Return the same data, with what a policy is told of its past (`policy.past`) at each step."""
         found = copy.copy(self)
-        found._beliefs = self._told(belief.over_time)
-        return found
-
-    def responding(self) -> Self:
-        """Return the same data, with the response of the body at each of its steps."""
-        found = copy.copy(self)
-        found._responses = self._told(response.over_time)
+        steps = self.steps
+        found._told = told_at_steps(
+            steps.masks, steps.actions, self._first, self._length, believes=believes, responds=responds
+        )
         return found
 
     def with_statistics(self, statistics: NDArray[np.float16]) -> Self:
@@ -237,9 +235,6 @@ class Dataset:
             lag_s=body[..., 6],
             delay_s=body[..., 7],
             states=np.where(valid[..., None], steps.states[now], np.float32(0)),
-            beliefs=np.where(valid[..., None], self._beliefs[now], np.float32(0)),
-            responses=np.where(valid[..., None], self._responses[now], np.float32(0)),
+            beliefs=np.where(valid[..., None], self._told.belief[now], np.float32(0)),
+            responses=np.where(valid[..., None], self._told.response[now], np.float32(0)),
         )
-
-    def _told(self, over_time: OverTime) -> NDArray[np.float32]:
-        return told_over(over_time, self.steps.masks, self.steps.actions, self._first, self._length)

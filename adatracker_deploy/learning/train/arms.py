@@ -34,8 +34,8 @@ ARMS: dict[str, tuple[Variant, ...]] = {
     "no-belief": (),
     "no-response": (),
 }
-"""By name: what is left out. `no-encoder` gets its last action instead of a context, `no-last-action` is
-the paper's policy, `neither` is Offline EVT's on the same data."""
+"""By name: what is left out. `no-encoder` gets its last action instead of a context, the response included,
+`no-last-action` is the paper's policy, `neither` is Offline EVT's on the same data."""
 
 BUNDLE_NAME = "bundle"
 
@@ -73,7 +73,7 @@ def of_arm(settings: TrainSettings, arm: str, seed: int) -> TrainSettings:
     """Return the settings of an arm's run from a training seed: the whole's, less what the arm leaves out."""
     variants = tuple(sorted({*settings.variants, *ARMS[arm]}))
     belief = settings.belief and arm != "no-belief"
-    response = settings.response and arm != "no-response"
+    response = settings.response and arm != "no-response" and "no-encoder" not in variants
     return replace(settings, variants=variants, belief=belief, response=response, seed=seed)
 
 

@@ -265,10 +265,11 @@ class _Run:
         self._dataset = self._labelled(Dataset.open([*self._data, *folders]))
 
     def _labelled(self, data: Dataset) -> Dataset:
-        searches = self._settings.method == "dagger" and "no-search" not in self._settings.variants
-        data = data.believing() if self._settings.belief else data
-        data = data.responding() if self._settings.response else data
-        if self._settings.front == "pooled":
+        settings = self._settings
+        searches = settings.method == "dagger" and "no-search" not in settings.variants
+        if settings.belief or settings.response:
+            data = data.told(believes=settings.belief, responds=settings.response)
+        if settings.front == "pooled":
             data = data.with_statistics(statistics_of(data.steps.masks))
         return data.searching() if searches else data
 

@@ -58,7 +58,7 @@ class TrainSettings:
     belief: bool = False
     """The policy is told the belief across gaps (`policy.belief`)."""
     response: bool = False
-    """The policy is told the response of the body (`policy.response`)."""
+    """The policy is told the response of the body (`policy.response`), as part of its context."""
     bfloat16: bool = False
     """Pays where the processor multiplies such numbers itself (AMX, a GPU); elsewhere it is slower."""
 
@@ -71,6 +71,4 @@ class TrainSettings:
             belief=self.belief,
             response=self.response,
         )
-        if "no-encoder" in self.variants:  # the whole context
-            config = replace(config, history=0, context=0, response=False)
-        return config
+        return replace(config, history=0, context=0) if "no-encoder" in self.variants else config

@@ -19,7 +19,8 @@ from adatracker_deploy.learning.data.workers import in_processes
 from adatracker_deploy.learning.episode_spec import RATE_HZ
 from adatracker_deploy.learning.tracking import ACTION
 from adatracker_deploy.learning.train.agent import Agent, drawn
-from adatracker_deploy.policy import belief, response
+from adatracker_deploy.policy import belief
+from adatracker_deploy.policy.past import Past
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -39,8 +40,7 @@ class Visitor:
             self._blank = agent.policy.backbone.sequences(blank)
         self._features = self._blank[:, 0]
         self._pairs: Tensor | None = None
-        self._believed: NDArray[np.float32] | None = None
-        self._response: response.Evidence | None = None
+        self._past: Past | None = None
         self._state: LstmState | None = None
 
     @torch.no_grad()
@@ -51,11 +51,11 @@ class Visitor:
         policy, encoder = self._agent.policy, self._agent.encoder
         last = torch.from_numpy(last_actions).to(self._device)
         forget = torch.from_numpy(resets).to(self._device)
+        beliefs, responses = self._told(masks, last_actions, resets)
         z = None
         if encoder is not None:
             z = encoder.summarise(self._remembered(last, forget))[:, None]
-            if self._agent.config.response:
-                z = torch.cat((z, self._responses(masks, last_actions, resets)), dim=-1)
+            z = torch.cat((z, responses), dim=-1)
         self._features = policy.backbone(drawn(masks).to(self._device))
         if self._state is not None:
             self._state = (
@@ -63,32 +63,28 @@ class Visitor:
                 self._state[1].masked_fill(forget[None, :, None], 0.0),
             )
         told = last[:, None] if self._agent.config.last_action else None
-        beliefs = self._beliefs(masks, last_actions, resets) if self._agent.config.belief else None
-        x, self._state = policy.recall(self._features[:, None], z, self._state, told, beliefs)
+        believed = beliefs if self._agent.config.belief else None
+        x, self._state = policy.recall(self._features[:, None], z, self._state, told, believed)
         mean, _ = policy.actor(x[:, 0])
         actions: NDArray[np.float32] = torch.tanh(mean).cpu().numpy()
         return actions
 
-    def _beliefs(
+    def _told(
         self, masks: NDArray[np.uint8], last_actions: NDArray[np.float32], resets: NDArray[np.bool_]
-    ) -> Tensor:
-        """Return the beliefs across gaps (E, 1, `belief.SIZE`), one step on."""
-        blank = belief.initial(len(masks))
-        before = blank if self._believed is None else np.where(resets[:, None], blank, self._believed)
-        sight, drive = belief.sight_of(masks == MaskClass.TARGET), belief.drive_of(last_actions, ACTION)
-        self._believed = belief.advance(before, sight, drive, 1.0 / RATE_HZ)
-        return torch.from_numpy(belief.told(self._believed)[:, None]).to(self._device)
-
-    def _responses(
-        self, masks: NDArray[np.uint8], last_actions: NDArray[np.float32], resets: NDArray[np.bool_]
-    ) -> Tensor:
-        """Return the responses of the bodies (E, 1, `response.SIZE`), one step on."""
-        period_s = 1.0 / RATE_HZ
-        blank = response.initial(len(masks), period_s=period_s)
-        before = blank if self._response is None else response.kept_where(~resets, self._response, blank)
-        sight, drive = belief.sight_of(masks == MaskClass.TARGET), belief.drive_of(last_actions, ACTION)
-        self._response = response.advance(before, sight, drive, period_s)
-        return torch.from_numpy(response.told(self._response, period_s)[:, None]).to(self._device)
+    ) -> tuple[Tensor, Tensor]:
+        """Return beliefs (E, 1, `belief.SIZE`) and responses (E, 1, `response.SIZE`), one step on."""
+        config = self._agent.config
+        if self._past is None:
+            self._past = Past(
+                len(masks), believes=config.belief, responds=config.response, period_s=1.0 / RATE_HZ
+            )
+        self._past.forget(resets)
+        if self._past.told_anything:
+            target = masks == MaskClass.TARGET
+            self._past.look(belief.sight_of(target), belief.drive_of(last_actions, ACTION))
+        told = self._past.told()
+        beliefs, responses = (torch.from_numpy(values[:, None]).to(self._device) for values in told)
+        return beliefs, responses
 
     def _remembered(self, last: Tensor, forget: Tensor) -> Tensor:
         """Return the K pairs (E, K, F + A) that z is made of, the step before's the newest."""

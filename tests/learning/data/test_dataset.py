@@ -29,6 +29,7 @@ from adatracker_deploy.learning.data.state import COLUMNS
 from adatracker_deploy.learning.embodiment import Embodiment
 from adatracker_deploy.learning.episode_spec import EpisodeSpec
 from adatracker_deploy.policy import belief
+from adatracker_deploy.policy.past import over_time
 
 
 def episode(seed: int, length: int):
@@ -147,9 +148,9 @@ def test_a_belief_begins_with_its_episode_and_knows_more_than_its_sequence():
     (_, steps), records = RECORDS[0], list(RECORDS)
     records[0] = (RECORDS[0][0], dataclasses.replace(steps, masks=pack_masks(masks)))
     joined = Steps.joined([steps for _, steps in records])
-    data = Dataset([header for header, _ in records], joined).believing()
+    data = Dataset([header for header, _ in records], joined).told(believes=True, responds=False)
     sights = belief.sight_of(masks == MaskClass.TARGET)
-    whole = belief.over_time(sights, records[0][1].actions, 0.1)
+    whole = over_time(sights, records[0][1].actions, believes=True, responds=False, period_s=0.1).belief
     late = data.take(np.array([0]), np.array([12]), 6, 2)
     assert np.allclose(late.beliefs[0], whole[12:18])
     assert np.allclose(late.beliefs[0, :, belief.COLUMNS.index("left")], 1 - 30 / 64, atol=1e-6)
