@@ -79,8 +79,10 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "--context",
         type=Path,
         metavar="PNG",
-        help="instead of the grid: draw z of 16 x N bodies of the deploy recipe, and how well it explains "
-        "them",
+        help="instead of the grid: draw z of 16 x N bodies of a recipe, and how well it explains them",
+    )
+    parser.add_argument(
+        "--recipe", metavar="NAME|FILE", help="with --context: what bodies are drawn from (default: deploy)"
     )
     parser.add_argument(
         "--swap", action="store_true", help="with --context: also measure the cost of another body's z"
@@ -100,8 +102,9 @@ def run(args: argparse.Namespace) -> int:
     """
     if args.workers < 1:
         raise UsageError(f"--workers: {args.workers} is out of range, at least 1")
-    if args.swap and args.context is None:
-        raise UsageError("--swap needs --context PNG")
+    for name in ("swap", "recipe"):
+        if getattr(args, name) and args.context is None:
+            raise UsageError(f"--{name} needs --context PNG")
     signal.signal(signal.SIGTERM, _interrupt)
     return _grid(args) if args.context is None else _context(args)
 
@@ -175,7 +178,7 @@ def _context(args: argparse.Namespace) -> int:
     from rich.console import Console
 
     from adatracker_deploy.cli.counting import counted
-    from adatracker_deploy.evaluation.context_study import study_context
+    from adatracker_deploy.evaluation.context_study import RECIPE, study_context
     from adatracker_deploy.evaluation.context_view import context_picture, context_table
     from adatracker_deploy.evaluation.grid import CELLS, policy_labels
     from adatracker_deploy.evaluation.picture import check_drawing, write_figure
@@ -192,6 +195,7 @@ def _context(args: argparse.Namespace) -> int:
         policy,
         lambda episodes: counted(play_all(episodes, args.workers), len(episodes), "episodes"),
         bodies=len(CELLS) * args.episodes,
+        recipe=args.recipe or RECIPE,
         seed=args.seed,
         steps=args.steps,
         swap=args.swap,

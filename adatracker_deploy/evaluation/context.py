@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from adatracker_deploy.learning.change import Change
 from adatracker_deploy.learning.embodiment import Embodiment
 
 Array = NDArray[np.float64]
@@ -42,8 +43,17 @@ class Recorded:
     """One body's contexts over an episode."""
 
     embodiment: Embodiment
+    """At its start."""
     contexts: NDArray[np.float32]
     """(T, Z), one a tick."""
+    change: Change | None = None
+    """Of the body, amid the episode."""
+
+    def body_at(self, tick: int) -> Embodiment:
+        """Return what the body is at a tick."""
+        if self.change is None or tick < self.change.at_step:
+            return self.embodiment
+        return self.change.of(self.embodiment)
 
     @property
     def mean(self) -> Array:
@@ -78,14 +88,13 @@ def explained(bodies: Sequence[Recorded]) -> dict[str, float | None]:
     """
     if len(bodies) < 4:
         raise ValueError("held-out R^2 needs four bodies at least")
-    (fit, fit_of), (held, held_of) = _ticks(bodies[::2]), _ticks(bodies[1::2])
+    (fit, fit_on), (held, held_on) = _ticks(bodies[::2]), _ticks(bodies[1::2])
     middle, scale = fit.mean(axis=0), np.maximum(fit.std(axis=0), 1e-6)
     fit, held = (fit - middle) / scale, (held - middle) / scale
     inverse = np.linalg.solve(fit.T @ fit + RIDGE * np.eye(fit.shape[1]), fit.T)
     scores: dict[str, float | None] = {}
     for name, truth in TRUTHS.items():
-        known = np.array([truth(body.embodiment) for body in bodies[::2]])[fit_of]
-        wanted = np.array([truth(body.embodiment) for body in bodies[1::2]])[held_of]
+        known, wanted = (np.array([truth(body) for body in of_ticks]) for of_ticks in (fit_on, held_on))
         guess = known.mean() + held @ (inverse @ (known - known.mean()))
         spread = float(((wanted - wanted.mean()) ** 2).sum())
         scores[name] = 1.0 - float(((wanted - guess) ** 2).sum()) / spread if spread > 1e-12 else None
@@ -113,8 +122,11 @@ def settled_tick(cosines: Array) -> int | None:
     return int(np.argmax(cosines >= SETTLED * reached))
 
 
-def _ticks(bodies: Sequence[Recorded]) -> tuple[Array, NDArray[np.intp]]:
-    """Return single ticks of z, (N, Z), and the index of the body that each is from, (N,)."""
-    chosen = [body.contexts[min(FIRST_TICK, len(body.contexts) - 1) :: EVERY_TICKS] for body in bodies]
-    owners = np.repeat(np.arange(len(bodies)), [len(ticks) for ticks in chosen])
-    return np.concatenate(chosen).astype(np.float64), owners
+def _ticks(bodies: Sequence[Recorded]) -> tuple[Array, list[Embodiment]]:
+    """Return single ticks of z, (N, Z), and the body at each."""
+    chosen = [
+        range(min(FIRST_TICK, len(body.contexts) - 1), len(body.contexts), EVERY_TICKS) for body in bodies
+    ]
+    contexts = [body.contexts[list(ticks)] for body, ticks in zip(bodies, chosen, strict=True)]
+    on = [body.body_at(tick) for body, ticks in zip(bodies, chosen, strict=True) for tick in ticks]
+    return np.concatenate(contexts).astype(np.float64), on

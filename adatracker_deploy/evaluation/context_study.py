@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     """As `play_all` with its workers given."""
 
 RECIPE = "deploy"
-"""The bodies are this recipe's: heights, limits, lags and delays without the grid's gaps."""
+"""The bodies are this recipe's, unless another's are asked for: heights, limits, lags and delays without the
+grid's gaps."""
 _SEEDS_FROM = FIRST_EVALUATION + 1_000_000_000
 """Far from the grid's."""
 
@@ -66,7 +67,14 @@ class ContextStudy:
 
 
 def study_context(
-    policy: str, play: Play, *, bodies: int, seed: int = 0, steps: int = 500, swap: bool = False
+    policy: str,
+    play: Play,
+    *,
+    bodies: int,
+    recipe: str = RECIPE,
+    seed: int = 0,
+    steps: int = 500,
+    swap: bool = False,
 ) -> ContextStudy:
     """Play one episode by each of many bodies and look at z.
 
@@ -74,24 +82,26 @@ def study_context(
         policy: as `load_policy` takes it.
         play: plays episodes.
         bodies: how many, at least 8.
+        recipe: that they are drawn from, its name or path.
         seed: of the bodies and episodes, all of them kept for evaluation.
         steps: the horizon.
         swap: play each episode twice more, with this body's mean z throughout and with another body's.
 
     Raises:
-        UsageError: too few bodies, a policy without context, or a horizon too short to see z settle.
+        UsageError: too few bodies, no such recipe, a policy without context, or a horizon too short to see z
+            settle.
     """
     if bodies < 8:
         raise UsageError(f"{bodies} bodies are too few to study the context: take at least 8")
-    recipe = load_recipe(RECIPE)
+    drawn_from = load_recipe(recipe)
     first = _SEEDS_FROM + seed * 1_000_000
     episodes = [
-        Episode(policy=policy, spec=recipe.draw(first + number), steps=steps, with_contexts=True)
+        Episode(policy=policy, spec=drawn_from.draw(first + number), steps=steps, with_contexts=True)
         for number in range(bodies)
     ]
     own = _played(play, episodes)
     recorded = tuple(
-        Recorded(episode.spec.embodiment, played.contexts)
+        Recorded(episode.spec.embodiment, played.contexts, episode.spec.change)
         for episode, played in zip(episodes, own, strict=True)
         if played.contexts is not None
     )

@@ -10,6 +10,7 @@ from adatracker_deploy.evaluation.context import Recorded, explained, plane, set
 from adatracker_deploy.evaluation.context_study import study_context
 from adatracker_deploy.evaluation.context_view import context_picture, context_table
 from adatracker_deploy.evaluation.play import play_all
+from adatracker_deploy.learning.change import Change
 from adatracker_deploy.learning.embodiment import Embodiment
 from adatracker_deploy.learning.seeds import FIRST_EVALUATION
 from tests.policy import tiny
@@ -44,6 +45,18 @@ def test_r2_is_near_1_for_what_z_tells_and_near_0_for_the_rest():
     assert abs(scores["lag_s"]) < 0.2
     assert abs(scores["delay_s"]) < 0.2
     assert {name for name, score in scores.items() if score is None} == FLAT
+
+
+def test_what_z_tells_is_compared_with_what_the_body_is_by_then():
+    rng = np.random.default_rng(2)
+    made = []
+    for _ in range(40):
+        change = Change(at_step=40, forward=float(rng.uniform(0.2, 1.0)))
+        body = Embodiment(forward_m_s=float(rng.uniform(0.5, 2.0)))
+        limits = [body.forward_m_s] * 40 + [body.forward_m_s * change.forward] * 20
+        made.append(Recorded(body, np.log(limits)[:, None].astype(np.float32), change))
+    assert explained(made)["log forward_m_s"] > 0.999
+    assert explained([Recorded(one.embodiment, one.contexts) for one in made])["log forward_m_s"] < 0.95
 
 
 def test_r2_is_of_bodies_that_were_not_fitted():
