@@ -19,6 +19,10 @@ MAX_BEARING_RAD = math.radians(45.0)
 """theta_max: the reward's scale, and half of the 90 degree field of view."""
 MAX_LOST_STEPS = 50
 """This many consecutive lost steps end a trial."""
+SIMULATOR_LOST_STEPS = MAX_LOST_STEPS + 1
+"""The published simulator's code ends an episode at the 51st lost step,"""
+SIMULATOR_LEAST_REWARD = -1.0
+"""and lets no reward fall below -1."""
 FIRST_SIGHT_S = 10.0
 """Longest search for the target, standing still, before the robot gives up; not the paper's."""
 

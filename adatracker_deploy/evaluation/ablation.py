@@ -32,7 +32,7 @@ class ArmScore:
 
     name: str
     seeds: tuple[Mapping[str, float], ...]
-    """AR, EL and SR of each training seed, over the grid."""
+    """AR, EL and SR of each training seed, over the grid, and AR with the published simulator's floor."""
 
     @classmethod
     def of(cls, name: str, scores: Sequence[PolicyScore]) -> ArmScore:
@@ -40,7 +40,9 @@ class ArmScore:
         return cls(
             name,
             tuple(
-                {metric: statistics.fmean(score.cell_means(metric)) for metric in METRICS} for score in scores
+                {metric: statistics.fmean(score.cell_means(metric)) for metric in METRICS}
+                | {"floored_ar": score.floored_ar}
+                for score in scores
             ),
         )
 
@@ -65,7 +67,8 @@ def ablation_table(condition: str, arms: Sequence[ArmScore]) -> Table:
         f"{condition}: means over {count} training seed{'s' if count > 1 else ''}, 95 % intervals over them"
     )
     table = Table(title=title, title_justify="left", title_style="italic", box=None, padding=(0, 2, 0, 0))
-    for column in ("arm", "AR/EL/SR", "AR of each seed", f"AR less {whole.name}", f"SR less {whole.name}"):
+    less_whole = (f"AR less {whole.name}", f"SR less {whole.name}")
+    for column in ("arm", "AR/EL/SR", "AR of each seed", "AR, floor -1", *less_whole):
         table.add_column(column, justify="left" if column == "arm" else "right")
     for arm in arms:
         means = "/".join(f"{arm.mean(metric).value:z.{_DIGITS[metric]}f}" for metric in METRICS)
@@ -74,7 +77,8 @@ def ablation_table(condition: str, arms: Sequence[ArmScore]) -> Table:
             if arm is whole
             else [signed_text(arm.less(whole, m), _DIGITS[m]) for m in ("ar", "sr")]
         )
-        table.add_row(arm.name, means, " ".join(f"{ar:z.0f}" for ar in arm.values("ar")), *less)
+        seeds = " ".join(f"{ar:z.0f}" for ar in arm.values("ar"))
+        table.add_row(arm.name, means, seeds, f"{arm.mean('floored_ar').value:z.0f}", *less)
     return table
 
 

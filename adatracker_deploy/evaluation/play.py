@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from adatracker_deploy.core.camera import is_unreal
 from adatracker_deploy.core.errors import PlatformError, UsageError
+from adatracker_deploy.core.task import SIMULATOR_LEAST_REWARD
 from adatracker_deploy.evaluation.eyes import Eyes, eyes_of
 from adatracker_deploy.learning.tracking import Tracking
 from adatracker_deploy.perception.segmenters import TRUTH
@@ -64,6 +65,13 @@ class Played:
     """z a tick, (T, Z), where it was wanted."""
     sights: Sights | None = None
     """The eyes' scores, where they were given pictures."""
+    below_floor: float = 0.0
+    """What the rewards that were below the published simulator's floor lacked to it, in all; at least 0."""
+
+    @property
+    def floored_ar(self) -> float:
+        """AR as the published simulator adds it up: no step counts less than its floor."""
+        return self.ar + self.below_floor
 
 
 def play(policy: Policy, episode: Episode) -> Played:
@@ -96,9 +104,14 @@ def play(policy: Policy, episode: Episode) -> Played:
         tick = tracking.follow(to_twist(action.values, policy.info.action, tracking.limits))
         rewards.append(tick.reward)
         if tick.end:
-            kept = np.array(contexts) if contexts else None
-            sights = eyes.summary() if eyes else None
-            return Played(math.fsum(rewards), len(rewards), tick.end == "completed", kept, sights)
+            return Played(
+                math.fsum(rewards),
+                len(rewards),
+                tick.end == "completed",
+                contexts=np.array(contexts) if contexts else None,
+                sights=eyes.summary() if eyes else None,
+                below_floor=math.fsum(max(0.0, SIMULATOR_LEAST_REWARD - reward) for reward in rewards),
+            )
         seen = eyes.look() if eyes else tick.observation
 
 

@@ -54,6 +54,7 @@ def _policy(score: PolicyScore) -> Record:
         "mean": _values(score.metrics),
         "interval": _intervals(score.metrics),
         "std": {metric: mean_std(score.cell_means(metric))[1] for metric in METRICS},
+        "floored_ar": score.floored_ar,
         "cells": [_cell(cell) for cell in score.cells],
         "sight": dataclasses.asdict(score.sights) if score.sights else None,
     }
@@ -65,7 +66,13 @@ def _cell(score: CellScore) -> Record:
         **_values(score.metrics),
         "interval": _intervals(score.metrics),
         "episodes": [
-            {"seed": seed, "ar": played.ar, "el": played.el, "success": played.success}
+            {
+                "seed": seed,
+                "ar": played.ar,
+                "floored_ar": played.floored_ar,
+                "el": played.el,
+                "success": played.success,
+            }
             for seed, played in sorted(score.episodes.items())
         ],
     }

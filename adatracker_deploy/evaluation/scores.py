@@ -95,6 +95,13 @@ class PolicyScore:
         )
 
     @property
+    def floored_ar(self) -> float:
+        """AR with the published simulator's floor (`Played.floored_ar`), the mean of the cells' means."""
+        return statistics.fmean(
+            statistics.fmean(played.floored_ar for played in score.episodes.values()) for score in self.cells
+        )
+
+    @property
     def sights(self) -> Sights | None:
         """The eyes' scores, the mean of all episodes; None where the masks were the truth's."""
         seen = [each.sights for cell in self.cells for each in cell.episodes.values() if each.sights]

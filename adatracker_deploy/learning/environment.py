@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from adatracker_deploy.core.camera import UNREAL
 from adatracker_deploy.core.messages import Truth
-from adatracker_deploy.core.task import MAX_LOST_STEPS
+from adatracker_deploy.core.task import SIMULATOR_LEAST_REWARD, SIMULATOR_LOST_STEPS
 from adatracker_deploy.learning.conditions import condition_named, make_cell, random_cell
 from adatracker_deploy.learning.data.recipe import load_recipe
 from adatracker_deploy.learning.episode_spec import MASK_SIZE, EpisodeSpec
@@ -30,11 +30,6 @@ from adatracker_deploy.sim.worlds import check_scene
 
 Observed = NDArray[np.uint8]
 Rules = Literal["paper", "simulator"]
-
-SIMULATOR_LOST_STEPS = MAX_LOST_STEPS + 1
-"""The published simulator's code ends an episode at the 51st lost step,"""
-SIMULATOR_LEAST_REWARD = -1.0
-"""and lets no reward fall below -1."""
 
 
 class TrackingEnv(gymnasium.Env[Observed, NDArray[np.float32]]):

@@ -69,6 +69,7 @@ def test_a_lost_target_ends_the_episode_without_success(bundle):
     ((_, played),) = play_all([long])
     assert not played.success
     assert played.el < 500
+    assert played.ar < played.floored_ar <= played.el
 
 
 def test_contexts_are_kept_where_they_are_wanted(bundle):

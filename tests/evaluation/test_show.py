@@ -26,7 +26,10 @@ GRID = Grid(policies=("a", "b"), episodes=2)
 def played(policy, cut=None):
     """Episode `index` of the plan has AR 100 + index; those of `b` are 10 worse."""
     pairs = [
-        (episode, Played(100.0 + index - (10 if policy == "b" else 0), 500, index % 4 != 0))
+        (
+            episode,
+            Played(100.0 + index - (10 if policy == "b" else 0), 500, index % 4 != 0, below_floor=8.0),
+        )
         for index, episode in enumerate(GRID.plan()[:cut])
         if episode.policy == policy
     ]
@@ -56,6 +59,8 @@ def test_the_record_holds_the_contract_and_can_be_recomputed():
             mean = sum(episode[key] for episode in cell["episodes"]) / len(cell["episodes"])
             assert cell[metric] == pytest.approx(mean)
             assert cell["interval"][metric][0] <= cell[metric] <= cell["interval"][metric][1]
+            assert all(episode["floored_ar"] == episode["ar"] + 8 for episode in cell["episodes"])
+    assert policy["floored_ar"] == pytest.approx(policy["mean"]["ar"] + 8)
     (found,) = record["differences"]
     assert (found["policy"], found["baseline"], found["episodes"]) == ("a", "b", 32)
     assert found["mean"]["ar"] == pytest.approx(9.0)
