@@ -42,7 +42,7 @@ def grid_table(
     for row in rows_of(grid, scores):
         parts += [_heading(row), _cells(row)]
     floored = "  ".join(f"{score.name} {score.floored_ar:z.0f}" for score in scores)
-    parts += [Text(f"\nAR with the published simulator's floor of -1 a step: {floored}")] if scores else []
+    parts.append(Text(f"\nAR with the published simulator's floor of -1 a step: {floored}"))
     parts += [_sights(score.name, sights) for score in scores if (sights := score.sights)]
     if differences:
         parts += [

@@ -12,10 +12,11 @@ from adatracker_deploy.core.messages import ClassMask, MaskClass
 from adatracker_deploy.learning.checkpoint import AdaTracker, Checkpoint, OfflineEvt
 from adatracker_deploy.learning.networks import LstmState
 from adatracker_deploy.policy import belief
+from adatracker_deploy.policy.belief import Array
 from adatracker_deploy.policy.drawing import MaskPainter
 from adatracker_deploy.policy.golden import Golden
 from adatracker_deploy.policy.manifest import MaskSpec
-from adatracker_deploy.policy.past import Told, over_time
+from adatracker_deploy.policy.past import Past
 
 
 def rollout(checkpoint: Checkpoint, masks: NDArray[np.float32]) -> Golden:
@@ -34,50 +35,38 @@ def rollout(checkpoint: Checkpoint, masks: NDArray[np.float32]) -> Golden:
         if isinstance(checkpoint, OfflineEvt):
             mean, _ = checkpoint.policy(seen[None])
             return answers | {"action": torch.tanh(mean[0]).numpy()}
-        actions, contexts = _adatracker(checkpoint, seen)
-    answers["action"] = actions.numpy()
-    told = _told(checkpoint, masks, answers["action"])
-    if checkpoint.policy.config.belief:
-        answers["belief"] = told.belief
-    return answers if checkpoint.encoder is None else answers | {"z": contexts.numpy()}
+        return answers | _adatracker(checkpoint, seen)
 
 
-def _told(checkpoint: AdaTracker, masks: NDArray[np.float32], actions: NDArray[np.float32]) -> Told:
-    """Return what the policy is told at masks (T, C, S, S), by the actions (T, A) after them."""
-    config, meta = checkpoint.policy.config, checkpoint.meta
-    target = np.stack([belief.target_pixels(mask, meta.mask) for mask in masks])
-    return over_time(
-        belief.sight_of(target),
-        belief.drive_of(actions, meta.action),
-        believes=config.belief,
-        responds=config.response,
-        period_s=1.0 / meta.rate_hz,
-    )
-
-
-def _adatracker(checkpoint: AdaTracker, masks: Tensor) -> tuple[Tensor, Tensor]:
-    """Return actions (T, A) and contexts (T, Z); pairs and actions from before the episode are zeros."""
-    encoder, policy = checkpoint.encoder, checkpoint.policy
+def _adatracker(checkpoint: AdaTracker, masks: Tensor) -> dict[str, Array]:
+    """Return what there is besides the masks; pairs and actions from before the episode are zeros."""
+    encoder, policy, meta = checkpoint.encoder, checkpoint.policy, checkpoint.meta
     config = policy.config
+    past = Past(believes=config.belief, responds=config.response, period_s=1.0 / meta.rate_hz)
     past_masks = torch.cat((torch.zeros(config.history, *masks.shape[1:]), masks))
     past_actions = torch.zeros(config.history + len(masks), config.actions)
     contexts = torch.zeros(len(masks), config.told_context)
+    beliefs = []
     last_action = torch.zeros(1, 1, config.actions)
     state: LstmState | None = None
     for tick, mask in enumerate(masks):
         window, z = slice(tick, tick + config.history), None
-        own = past_actions[config.history :][: tick + 1].numpy()
-        told = _told(checkpoint, masks[: tick + 1].numpy(), own)
+        target = belief.target_pixels(mask.numpy(), meta.mask)
+        told = past.see(target, last_action[0, 0].numpy(), meta.action)
+        beliefs.append(told.belief)
         if encoder is not None:
             z = encoder(past_masks[None, window], past_actions[None, window])[None]
-            z = torch.cat((z, torch.from_numpy(told.response[None, -1:])), dim=-1)
+            z = torch.cat((z, torch.from_numpy(told.response[None, None])), dim=-1)
             contexts[tick] = z[0, 0]
-        believed = torch.from_numpy(told.belief[None, -1:]) if config.belief else None
+        believed = torch.from_numpy(told.belief[None, None]) if config.belief else None
         before = last_action if config.last_action else None
         mean, _, state = policy(mask[None, None], z, state, before, believed)
         last_action = torch.tanh(mean)
         past_actions[tick + config.history] = last_action[0, 0]
-    return past_actions[config.history :], contexts
+    answers = {"action": past_actions[config.history :].numpy()}
+    if config.belief:
+        answers["belief"] = np.stack(beliefs)
+    return answers if encoder is None else answers | {"z": contexts.numpy()}
 
 
 def walking_masks(spec: MaskSpec, ticks: int, seed: int) -> NDArray[np.float32]:

@@ -78,7 +78,7 @@ class OnnxPolicy:
         self._policy.clear()
         self._imposed: Array | None = None
         self._past.forget()
-        self._drive = np.zeros(2, np.float32)
+        self._last_action = np.zeros(len(self._info.action), np.float32)
         if self._encoder is not None:
             self._encoder.reset()
 
@@ -112,10 +112,8 @@ class OnnxPolicy:
         """
         inputs = self._policy.inputs
         np.copyto(inputs["mask"][0], mask_input)
-        if self._past.told_anything:
-            target = belief.target_pixels(mask_input, self._mask)
-            self._past.look(belief.sight_of(target), self._drive)
-        told = self._past.told()
+        target = belief.target_pixels(mask_input, self._mask)
+        told = self._past.see(target, self._last_action, self._info.action)
         if "belief" in inputs:
             inputs["belief"] = told.belief[None]
         context = None
@@ -126,8 +124,7 @@ class OnnxPolicy:
         action, inputs["h"], inputs["c"] = self._policy.run("action", "h_next", "c_next")
         if "last_action" in inputs:
             inputs["last_action"] = action
-        if self._past.told_anything:
-            self._drive = belief.drive_of(action[0], self._info.action)
+        self._last_action = action[0]
         if self._encoder is not None:
             self._encoder.remember(inputs["mask"], action)
         return action[0], context

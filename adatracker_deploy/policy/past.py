@@ -6,13 +6,16 @@ episodes', or all of a data set's. Training, export, evaluation, rehearsals and 
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from adatracker_deploy.policy import belief, response
 from adatracker_deploy.policy.belief import Array
+
+if TYPE_CHECKING:
+    from adatracker_deploy.policy.base import ActionSpec
 
 
 class Told(NamedTuple):
@@ -38,7 +41,6 @@ class Past:
         """
         self._shape = shape
         self._period_s = period_s
-        self.told_anything = believes or responds
         self._no_belief = belief.initial(*shape) if believes else None
         self._no_response = response.initial(*shape, period_s=period_s) if responds else None
         self._belief, self._response = self._no_belief, self._no_response
@@ -52,6 +54,18 @@ class Past:
             self._belief = np.where(where[:, None], self._no_belief, self._belief)
         if self._response is not None and self._no_response is not None:
             self._response = response.kept_where(~where, self._response, self._no_response)
+
+    def see(self, target: NDArray[np.bool_], values: Array, action: ActionSpec) -> Told:
+        """Go on by one picture and return what a network reads then; what it is not told is not computed.
+
+        Args:
+            target: which pixels are the target's, (..., S, S).
+            values: the action that was executed since the picture before, (..., A); zeros at first.
+            action: its axes; forward and yaw are among them where anything is told.
+        """
+        if self._belief is not None or self._response is not None:
+            self.look(belief.sight_of(target), belief.drive_of(values, action))
+        return self.told()
 
     def look(self, sight: Array, drive: Array) -> None:
         """Go on by one picture.

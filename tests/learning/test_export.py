@@ -172,6 +172,13 @@ def test_a_belief_without_forward_and_yaw_as_fractions_is_refused(tmp_path, chan
         write_bundle(tmp_path / "c", manifest, encoder=None, policy=bundle.policy, golden=bundle.golden)
 
 
+def test_a_policy_that_is_told_nothing_of_its_past_may_drive_other_axes(tmp_path):
+    action = (ActionAxis(axis="forward"), ActionAxis(axis="vertical"))
+    meta = replace(fresh.META, action=action)
+    export_checkpoint(fresh.save_adatracker(tmp_path / "v.pt", meta=meta), tmp_path / "v")
+    assert OnnxPolicy(load_bundle(tmp_path / "v")).info.action == action
+
+
 def test_a_response_continues_the_golden_contexts(tmp_path):
     config = fresh.VARIANTS["response"]
     export_checkpoint(fresh.save_adatracker(tmp_path / "r.pt", config=config), tmp_path / "r")

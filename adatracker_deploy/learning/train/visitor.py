@@ -19,7 +19,6 @@ from adatracker_deploy.learning.data.workers import in_processes
 from adatracker_deploy.learning.episode_spec import RATE_HZ
 from adatracker_deploy.learning.tracking import ACTION
 from adatracker_deploy.learning.train.agent import Agent, drawn
-from adatracker_deploy.policy import belief
 from adatracker_deploy.policy.past import Past
 
 if TYPE_CHECKING:
@@ -79,10 +78,7 @@ class Visitor:
                 len(masks), believes=config.belief, responds=config.response, period_s=1.0 / RATE_HZ
             )
         self._past.forget(resets)
-        if self._past.told_anything:
-            target = masks == MaskClass.TARGET
-            self._past.look(belief.sight_of(target), belief.drive_of(last_actions, ACTION))
-        told = self._past.told()
+        told = self._past.see(masks == MaskClass.TARGET, last_actions, ACTION)
         beliefs, responses = (torch.from_numpy(values[:, None]).to(self._device) for values in told)
         return beliefs, responses
 
