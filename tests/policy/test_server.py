@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import ssl
 import subprocess
 import sys
 import urllib.request
@@ -117,6 +118,19 @@ def test_by_tls_and_only_with_a_certificate_that_is_vouched_for(tmp_path, monkey
         load_policy(uri)
     with running(served(lambda: load_policy("pid"))) as uri, pytest.raises(UsageError, match="cannot be"):
         load_policy(uri.replace("ws://", "wss://"))
+
+
+def test_by_tls_it_sends_no_tickets_which_would_now_and_then_stop_a_client(tmp_path):
+    issue("authority", tmp_path)
+    issue("server", tmp_path, "authority")
+    server = served(
+        lambda: load_policy("pid"), certificate=tmp_path / "server.pem", key=tmp_path / "server.key"
+    )
+    trusting = ssl.create_default_context(cafile=tmp_path / "authority.pem")
+    with running(server) as uri, connect(uri, ssl=trusting) as client:
+        client.recv()
+        assert client.socket.version() == "TLSv1.3"
+        assert not client.socket.session.has_ticket
 
 
 @pytest.mark.parametrize(
