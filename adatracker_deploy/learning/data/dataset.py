@@ -176,6 +176,15 @@ class Dataset:
         )
         return found
 
+    def followed_by(self, other: Self) -> Self:
+        """Return these episodes and then those of another data set, which was told and given as much."""
+        both = type(self)(
+            (*self.headers, *other.headers), Steps.joined([self.steps, other.steps]), logged=self.logged
+        )
+        both._told = Told(*(np.concatenate(pair) for pair in zip(self._told, other._told, strict=True)))
+        both._statistics = np.concatenate((self._statistics, other._statistics))
+        return both
+
     def with_statistics(self, statistics: NDArray[np.float16]) -> Self:
         """Return the same data, with the `mask_statistics` (T, F) of each of its masks."""
         found = copy.copy(self)

@@ -118,7 +118,7 @@ def train(
     except OSError as error:
         raise UsageError(f"{out}: cannot be made: {error}") from error
     update = snapshot.update if snapshot else 0
-    run = _Run(settings, data, out, learner, update=update, base=base, workers=workers)
+    run = _Run(settings, out, learner, update=update, base=base, workers=workers)
     run.all_rounds(say, tell, open_loggers())
     return out / POLICY_NAME
 
@@ -208,7 +208,6 @@ class _Run:
     def __init__(
         self,
         settings: TrainSettings,
-        data: list[Path],
         out: Path,
         learner: Learner,
         *,
@@ -217,12 +216,13 @@ class _Run:
         workers: int,
     ) -> None:
         self._settings = settings
-        self._data = data
         self._out = out
         self._learner = learner
         self._update = update
         self._dataset = self._labelled(base)
         self._base_steps = len(base)
+        self._rounds = 0
+        """Whose visits are in `_dataset`."""
         self._workers = workers
         self._saved_s = time.monotonic()
 
@@ -262,7 +262,9 @@ class _Run:
         reward = float(visited.steps.rewards.mean())
         lost = float(visited.steps.done.sum() / len(visited.headers))
         say(f"round {number}: reward {reward:.3f} a step, {lost:.1%} of the episodes lost")
-        self._dataset = self._labelled(Dataset.open([*self._data, *folders]))
+        for folder in folders[self._rounds :]:
+            self._dataset = self._dataset.followed_by(self._labelled(Dataset.open([folder])))
+        self._rounds = number
 
     def _labelled(self, data: Dataset) -> Dataset:
         settings = self._settings

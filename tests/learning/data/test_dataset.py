@@ -230,3 +230,19 @@ def test_a_single_step_leads_to_the_state_after_it_and_the_last_one_to_where_its
     np.testing.assert_array_equal(moves.done, t + 1 == np.take(LENGTHS, seed.astype(int)))
     np.testing.assert_array_equal(moves.rewards, t + 1)
     assert set(seed) == {0, 1, 2}
+
+
+def test_data_that_follow_others_are_as_if_all_had_been_opened_at_once():
+    def part(records):
+        data = Dataset([header for header, _ in records], Steps.joined([steps for _, steps in records]))
+        statistics = np.arange(len(data), dtype=np.float16)[:, None] % 64
+        return data.told(believes=True, responds=True).with_statistics(statistics)
+
+    both = part(RECORDS[:1]).followed_by(part(RECORDS[1:]))
+    whole, episodes = part(RECORDS), np.arange(len(RECORDS))
+    assert both.headers == whole.headers
+    one, other = (data.take(episodes, np.zeros_like(episodes), 8, 4) for data in (both, whole))
+    for name in (field.name for field in dataclasses.fields(one) if field.name != "statistics"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+    alone = part(RECORDS[1:]).take(episodes[:1], np.zeros(1, np.int64), 8, 4)
+    np.testing.assert_array_equal(one.statistics[1], alone.statistics[0])
