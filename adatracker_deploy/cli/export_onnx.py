@@ -15,7 +15,13 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         help="turn a checkpoint into a policy bundle",
         description="Turn a checkpoint into a policy bundle, which a robot runs without torch.",
     )
-    parser.add_argument("checkpoint", type=Path, help="AdaTracker checkpoint or the Offline-EVT state dict")
+    parser.add_argument(
+        "checkpoint",
+        type=Path,
+        nargs="+",
+        help="AdaTracker checkpoint or the Offline-EVT state dict; of several AdaTrackers, the mean of their "
+        "weights: for runs that began with the same",
+    )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="the bundle's folder")
     parser.add_argument(
         "--interface",
@@ -46,8 +52,9 @@ def run(args: argparse.Namespace) -> int:
     from adatracker_deploy.policy.bundle import load_bundle
 
     manifest = export_checkpoint(
-        args.checkpoint,
+        args.checkpoint[0],
         args.out,
+        others=args.checkpoint[1:],
         interface=args.interface,
         name=args.name,
         rate_hz=args.rate_hz,

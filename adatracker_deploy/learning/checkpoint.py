@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import pickle
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -133,6 +134,41 @@ def load_checkpoint(path: Path) -> Checkpoint:
         f"{path}: neither an AdaTracker checkpoint (a mapping with format: {FORMAT}) nor Offline EVT's state "
         "dict (keys CNN_LSTM.*, actor_local.*)"
     )
+
+
+def load_mean(paths: Sequence[Path]) -> Checkpoint:
+    """Read checkpoints and return one whose weights are the mean of theirs.
+
+    Runs that went on from the same weights end apart, yet their mean is often better than each: Wortsman et
+    al., "Model soups" (ICML 2022). The mean of runs that did not is worth nothing.
+
+    Args:
+        paths: of AdaTracker checkpoints, at least one; or of any single one.
+
+    Raises:
+        UsageError: see `load_checkpoint`; or their networks, masks, actions, rates or licences differ.
+    """
+    if len(paths) == 1:
+        return load_checkpoint(paths[0])
+    found = [_adatracker_of(path) for path in paths]
+    first = found[0]
+    for path, each in zip(paths, found, strict=True):
+        same = dataclasses.replace(each.meta, name=first.meta.name, training=first.meta.training)
+        if (each.policy.config, same) != (first.policy.config, first.meta):
+            raise UsageError(f"{path}: its networks, masks, actions, rate or licence are not {paths[0]}'s")
+    weights = [_together(each.encoder, each.policy).state_dict() for each in found]
+    mean = {name: torch.stack([each[name] for each in weights]).mean(0) for name in weights[0]}
+    _fill(_together(first.encoder, first.policy), mean, paths[0])
+    told = "\n".join(dict.fromkeys(each.meta.training for each in found))
+    meta = dataclasses.replace(first.meta, training=f"The mean of {len(paths)} runs' weights:\n{told}")
+    return dataclasses.replace(first, meta=meta)
+
+
+def _adatracker_of(path: Path) -> AdaTracker:
+    found = load_checkpoint(path)
+    if not isinstance(found, AdaTracker):
+        raise UsageError(f"{path}: only AdaTracker checkpoints have a mean")
+    return found
 
 
 def load_values(path: Path) -> Any:

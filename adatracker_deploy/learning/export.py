@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal
@@ -16,7 +17,7 @@ from adatracker_deploy.learning.checkpoint import (
     Checkpoint,
     CheckpointMeta,
     OfflineEvt,
-    load_checkpoint,
+    load_mean,
 )
 from adatracker_deploy.learning.graphs import (
     OPSET,
@@ -55,6 +56,7 @@ def export_checkpoint(
     path: Path,
     out: Path,
     *,
+    others: Sequence[Path] = (),
     interface: EncoderInterface | None = None,
     name: str | None = None,
     rate_hz: float | None = None,
@@ -66,6 +68,7 @@ def export_checkpoint(
     Args:
         path: an AdaTracker or Offline-EVT checkpoint.
         out: the bundle's folder.
+        others: further AdaTracker checkpoints; the bundle has the mean of all weights (`load_mean`).
         interface: how the encoder is called; streaming unless given, and not to be given without an encoder.
         name: instead of the checkpoint's.
         rate_hz: instead of the checkpoint's.
@@ -78,7 +81,7 @@ def export_checkpoint(
     Raises:
         UsageError: one line that says what is wrong; nothing has been written then.
     """
-    checkpoint = load_checkpoint(path)
+    checkpoint = load_mean([path, *others])
     if out.exists() and not out.is_dir():
         raise UsageError(f"{out}: is a file; name a folder for the bundle")
     if out.is_dir() and any(out.iterdir()) and not force:

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from adatracker_deploy.core.errors import UsageError
-from adatracker_deploy.learning.checkpoint import AdaTracker, OfflineEvt, load_checkpoint
+from adatracker_deploy.learning.checkpoint import AdaTracker, OfflineEvt, load_checkpoint, load_mean
 from tests.learning import fresh
 
 
@@ -60,6 +60,30 @@ def test_a_variant_comes_back_with_its_parts(tmp_path, variant):
     loaded = load_checkpoint(fresh.save_adatracker(tmp_path / "a.pt", config=config))
     assert loaded.policy.config == config
     assert (loaded.encoder is None) is (config.context == 0)
+
+
+def test_a_mean_has_the_mean_of_every_weight_and_says_whose(tmp_path):
+    paths = [fresh.save_adatracker(tmp_path / f"{seed}.pt", seed=seed) for seed in (1, 2, 6)]
+    mean = load_mean(paths)
+    for part in ("encoder", "policy"):
+        alone = [getattr(fresh.adatracker(seed=seed), part).state_dict() for seed in (1, 2, 6)]
+        for key, weight in getattr(mean, part).state_dict().items():
+            torch.testing.assert_close(weight, (alone[0][key] + alone[1][key] + alone[2][key]) / 3)
+    assert mean.meta.training.startswith("The mean of 3 runs' weights:\n")
+    assert fresh.META.training in mean.meta.training
+    assert load_mean(paths[:1]).meta == fresh.META
+
+
+def test_what_has_no_mean_is_refused(tmp_path):
+    one = fresh.save_adatracker(tmp_path / "one.pt")
+    wider = fresh.save_adatracker(tmp_path / "wider.pt", config=replace(fresh.CONFIG, hidden=9))
+    slower = fresh.save_adatracker(tmp_path / "slower.pt", meta=replace(fresh.META, rate_hz=5.0))
+    evt = fresh.save_offline_evt(tmp_path / "evt.pth")
+    for other in (wider, slower):
+        with pytest.raises(UsageError, match=rf"{other}: its networks, masks, .* are not {one}'s"):
+            load_mean([one, other])
+    with pytest.raises(UsageError, match=rf"{evt}: only AdaTracker checkpoints have a mean"):
+        load_mean([one, evt])
 
 
 def test_an_encoder_without_a_history_is_refused(tmp_path):

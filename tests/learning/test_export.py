@@ -12,6 +12,7 @@ import pytest
 import torch
 from torch.nn import functional
 
+from adatracker_deploy.cli import main
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.checkpoint import OFFLINE_EVT
 from adatracker_deploy.learning.export import export_checkpoint, largest_difference
@@ -199,6 +200,13 @@ def test_a_response_without_a_context_to_continue_is_refused(tmp_path):
     manifest = replace(bundle.manifest, files={}, response=True, encoder=None)
     with pytest.raises(UsageError, match="response without an encoder"):
         write_bundle(tmp_path / "c", manifest, encoder=None, policy=bundle.policy, golden=bundle.golden)
+
+
+def test_several_checkpoints_become_one_bundle_of_their_mean(tmp_path, capsys):
+    paths = [str(fresh.save_adatracker(tmp_path / f"{seed}.pt", seed=seed)) for seed in (1, 2)]
+    assert main(["export-onnx", *paths, "--out", str(tmp_path / "mean")]) == 0
+    assert "difference" in capsys.readouterr().out
+    assert load_bundle(tmp_path / "mean").manifest.training.startswith("The mean of 2 runs' weights:")
 
 
 def test_name_rate_and_licence_can_be_given(checkpoint, tmp_path):
