@@ -12,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import socket
+import ssl
 import threading
 import time
 from dataclasses import dataclass, field
@@ -304,6 +305,7 @@ def _connected(uri: str, token: str) -> tuple[ClientConnection, Contract]:
             open_timeout=CONNECT_S,
             close_timeout=1.0,
             logger=quiet,
+            ssl=_tls() if uri.startswith("wss://") else None,
         )
         server = contextlib.ExitStack().enter_context(opened)  # left by `_cut`
     except Exception as error:  # as they come: refused, no WebSocket, no such host, a wrong certificate
@@ -316,6 +318,18 @@ def _connected(uri: str, token: str) -> tuple[ClientConnection, Contract]:
         why = _sentence(error)
     _cut(server)
     raise UsageError(f"policy {_shown(uri)}: {why}")
+
+
+def _tls() -> ssl.SSLContext:
+    """Return a context of TLS 1.2.
+
+    By TLS 1.3, a server's session tickets come after the handshake. The reading thread of websockets 17.4
+    then waits for what follows them and cannot be ended: an opening that times out never returns, and one of
+    600 loses its request.
+    """
+    context = ssl.create_default_context()
+    context.maximum_version = ssl.TLSVersion.TLSv1_2
+    return context
 
 
 def _read(answer: str | bytes, contract: Contract) -> Reply:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import socket
+import ssl
 import threading
 import time
 
@@ -20,6 +21,7 @@ from adatracker_deploy.policy.contract import KEY, read_contract, written
 from adatracker_deploy.policy.msgpack_numpy import pack, unpack
 from adatracker_deploy.policy.remote import RemotePolicy
 from adatracker_deploy.policy.server import served
+from tests.quadruped.certificates import issue
 
 from .servers import MANIFEST, asking, running, saying, seen
 
@@ -139,6 +141,29 @@ def test_somebody_else_there_is_one_sentence(monkeypatch, scheme, says, why):
             RemotePolicy("{}://somebody:secret@{}:{}".format(scheme, *listening.getsockname()))
         assert "secret" not in str(raised.value)
         thread.join(10)
+
+
+def test_a_server_that_falls_silent_after_its_tls_is_one_sentence(monkeypatch, tmp_path):
+    """It sends its session tickets, if it has any, and then nothing more."""
+    monkeypatch.setattr(module, "CONNECT_S", 0.5)
+    issue("authority", tmp_path)
+    issue("server", tmp_path, "authority")
+    monkeypatch.setenv("SSL_CERT_FILE", str(tmp_path / "authority.pem"))
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.load_cert_chain(tmp_path / "server.pem", tmp_path / "server.key")
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+
+        def listen():
+            with context.wrap_socket(listening.accept()[0], server_side=True) as connection:
+                while connection.recv(4096):
+                    pass
+
+        thread = threading.Thread(target=listen, daemon=True)
+        thread.start()
+        with pytest.raises(UsageError, match="cannot be reached: timed out"):
+            RemotePolicy("wss://{}:{}".format(*listening.getsockname()))
+        thread.join(10)
+        assert not thread.is_alive()
 
 
 def test_a_server_that_says_nothing_of_itself_is_one_sentence(monkeypatch):
