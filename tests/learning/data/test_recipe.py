@@ -18,7 +18,7 @@ from tests.learning.data import tiny
 
 
 def test_the_paper_and_the_deploy_recipe_are_shipped():
-    assert recipe_names() == ["beyond", "deploy", "late", "offline", "paper", "robots", "tall", "wide"]
+    assert recipe_names() == ["beyond", "broad", "deploy", "late", "offline", "paper", "robots", "tall", "wide"]
     assert load_recipe("paper").steps == 190_000
     assert load_recipe("deploy").steps == 1_000_000
 
@@ -92,7 +92,7 @@ def test_a_wrong_recipe_is_one_clear_line(changed, message):
 
 def test_a_missing_or_broken_file_is_one_clear_line(tmp_path):
     with pytest.raises(
-        UsageError, match="unknown recipe 'soup': known are beyond, deploy, late, offline, paper"
+        UsageError, match="unknown recipe 'soup': known are beyond, broad, deploy, late, offline, paper"
     ):
         load_recipe("soup")
     with pytest.raises(UsageError, match="cannot be read"):
