@@ -75,6 +75,22 @@ def test_ragged_edges_stay_within_their_reach():
         assert (seen[24:46, 31:33] == MaskClass.TARGET).all()
 
 
+@pytest.mark.parametrize("ragged_px", [0.22, 1])
+def test_edges_of_a_wider_mask_are_as_ragged_in_proportion(ragged_px):
+    settings_ = NoiseSettings(ragged_px=ragged_px)
+
+    def iou(mask):
+        shared = [
+            np.count_nonzero((seen == MaskClass.TARGET) & (mask == MaskClass.TARGET))
+            / np.count_nonzero((seen == MaskClass.TARGET) | (mask == MaskClass.TARGET))
+            for seen, _ in augmented(settings_, [mask] * 50)[1:]
+        ]
+        return np.mean(shared)
+
+    assert iou(person()) < 0.97
+    assert iou(person().repeat(5, axis=0).repeat(5, axis=1)) == pytest.approx(iou(person()), abs=0.03)
+
+
 def test_false_blobs_come_in_every_class_and_go_again():
     empty = np.zeros((64, 64), np.uint8)
     seen = [mask for mask, _ in augmented(NoiseSettings(blobs=0.05), [empty] * STEPS)]
