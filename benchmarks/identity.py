@@ -7,8 +7,10 @@ world one of them wears the target's own clothes. A camera follows the target by
 
 In a crossing, somebody nearer to the camera overlaps the target; it ends when nobody has for a second. Then
 the target must be visible within half a second; else something else hides it, and the crossing is left out
-and counted. The next two seconds decide, or less where the next crossing begins. Wrong: at their end the lock
-is on somebody else. Found again: within them it was on the target.
+and counted. The next two seconds decide, or less where the next crossing begins. Wrong: in most of their last
+half second the lock is on somebody else. Their last picture alone does not decide, for the next who crosses may
+already cover a target in it that is rightly followed; it is counted, too. Found again: within them it was on
+the target.
 
 The lock itself takes little time; its inputs (pictures, boxes, appearances) take most of it. None of them
 depends on the lock, since the camera follows the truth, and the detector's input size follows from the
@@ -59,9 +61,10 @@ WIDTH, SMALL_SIDE = 640, 256
 """Width of a rehearsal's pictures, px; and the detector's input for smaller ones."""
 WORLD_S = 180
 OTHERS = 5
-LEAD, AFTER, HIDDEN, APART = 10, 20, 5, 10
-"""Numbers of steps: of pictures before a crossing; from when the target is visible until the verdict; after a
-crossing, within which the target must become visible; and at most between two that count as one crossing."""
+LEAD, AFTER, LAST, HIDDEN, APART = 10, 20, 5, 5, 10
+"""Numbers of steps: of pictures before a crossing; from when the target is visible until the verdict; the last
+of these, which decide; after a crossing, within which the target must become visible; and at most between two
+that count as one crossing."""
 VISIBLE = 0.005
 """Share of the picture: about an eighth of somebody at the desired distance."""
 SHOULDERS_M = 0.5
@@ -133,6 +136,8 @@ class Tally:
 
     crossings: int = 0
     wrong: int = 0
+    wrong_at_end: int = 0
+    """Crossings in whose last picture the lock is on somebody else."""
     found_s: list[float] = field(default_factory=list)
     """Times until the target was seen again, s, for the crossings after which that was in time."""
     hidden: int = 0
@@ -147,7 +152,8 @@ class Tally:
         count = max(self.crossings, 1)
         middle = f"{np.median(self.found_s):.2f} s" if self.found_s else "-"
         return (
-            f"{self.crossings} crossings: somebody else {self.wrong / count:.2%} ({self.wrong}), found again "
+            f"{self.crossings} crossings: somebody else {self.wrong / count:.2%} ({self.wrong}), in the last "
+            f"picture {self.wrong_at_end / count:.2%} ({self.wrong_at_end}), found again "
             f"{len(self.found_s) / count:.1%}, after {middle} in the middle; "
             f"left out {self.hidden} hidden, {self.unchosen} not chosen"
         )
@@ -305,7 +311,8 @@ def counted(played: Played) -> Tally:
             verdicts = [follower.look(step) for step in range(now, last + 1)][visible - now :]
             verdict, now = verdicts[-1], last + 1
             tally.crossings += 1
-            tally.wrong += verdict is Verdict.SOMEBODY_ELSE
+            tally.wrong += 2 * verdicts[-LAST:].count(Verdict.SOMEBODY_ELSE) > len(verdicts[-LAST:])
+            tally.wrong_at_end += verdict is Verdict.SOMEBODY_ELSE
             if Verdict.SEEN in verdicts:
                 tally.found_s.append(verdicts.index(Verdict.SEEN) / RATE_HZ)
     return tally
