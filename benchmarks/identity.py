@@ -8,9 +8,9 @@ world one of them wears the target's own clothes. A camera follows the target by
 In a crossing, somebody nearer to the camera overlaps the target; it ends when nobody has for a second. Then
 the target must be visible within half a second; else something else hides it, and the crossing is left out
 and counted. The next two seconds decide, or less where the next crossing begins. Wrong: in most of their last
-half second the lock is on somebody else. Their last picture alone does not decide, for the next who crosses may
-already cover a target in it that is rightly followed; it is counted, too. Found again: within them it was on
-the target.
+half second the lock is on somebody else. Their last picture alone does not decide, for whoever crosses next
+may already cover a target in it that is rightly followed; it is counted, too. Found again: within them it was
+on the target.
 
 The lock itself takes little time; its inputs (pictures, boxes, appearances) take most of it. None of them
 depends on the lock, since the camera follows the truth, and the detector's input size follows from the
@@ -62,9 +62,9 @@ WIDTH, SMALL_SIDE = 640, 256
 WORLD_S = 180
 OTHERS = 5
 LEAD, AFTER, LAST, HIDDEN, APART = 10, 20, 5, 5, 10
-"""Numbers of steps: of pictures before a crossing; from when the target is visible until the verdict; the last
-of these, which decide; after a crossing, within which the target must become visible; and at most between two
-that count as one crossing."""
+"""Numbers of steps: of pictures before a crossing; from when the target is visible until the verdict; of
+these, the last, which decide; after a crossing, within which the target must become visible; and at most
+between two that count as one crossing."""
 VISIBLE = 0.005
 """Share of the picture: about an eighth of somebody at the desired distance."""
 SHOULDERS_M = 0.5
