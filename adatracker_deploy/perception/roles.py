@@ -52,6 +52,18 @@ class Instances:
             None if self.masks is None else self.masks[places],
         )
 
+    def __add__(self, others: Instances) -> Instances:
+        """Return these detections and, after them, others of the same detector."""
+        masks = None
+        if self.masks is not None and others.masks is not None:
+            masks = np.concatenate((self.masks, others.masks))
+        return Instances(
+            np.concatenate((self.boxes, others.boxes)),
+            np.concatenate((self.scores, others.scores)),
+            (*self.words, *others.words),
+            masks,
+        )
+
 
 class Detector(Protocol):
     """Detects objects of its vocabulary."""

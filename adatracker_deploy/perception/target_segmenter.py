@@ -41,6 +41,9 @@ WITHIN = 0.8
 larger, so it is somebody behind, or the target again."""
 WORTH_CUTTING_OUT = 0.25
 """Share of the image height below which other people are drawn as ellipses; few px are wrong then."""
+LEAST_CUT_OUT = 0.25
+"""Share of the ellipse in a person's box below which what was cut out is not the person. The mask head misses
+those of whom the picture shows little more than the head, and a target whom it missed would be in no mask."""
 
 
 class TargetSegmenter:
@@ -50,7 +53,8 @@ class TargetSegmenter:
         detector: of people and, by any other word, of obstacles.
         mask_head: cuts people out; needed where the detector gives boxes alone.
         choice: who becomes the target; it takes several pictures.
-        least_score: of people who are tracked; the others are looked at while the target is chosen.
+        least_score: of people who are tracked; the others are looked at while the target is chosen, and where
+            it is missed.
         propagator: follows the target's mask, also where the detector misses the target.
         key_frames: do not ask the detector while the propagator sees the target and the lock agreed in the
             picture before: for slow detectors. Nobody else and no obstacle is known in between.
@@ -101,12 +105,15 @@ class TargetSegmenter:
         found = Instances.none() if between else self._detector(frame.rgb, self._looked_for())
         kinds = np.array([word == PERSON for word in found.words], bool)
         sure = found.scores >= (0.0 if self._first_sight else self._least_score)
-        people = found.only(np.flatnonzero(kinds & sure))
+        people, faint = found.only(np.flatnonzero(kinds & sure)), found.only(np.flatnonzero(kinds & ~sure))
         obstacles = found.only(np.flatnonzero(~kinds & (found.scores >= LEAST_OBSTACLE_SCORE)))
         if followed:
             people = followed.among(people, PERSON)
-        locked = self._locked(frame, people)
+        everybody, sure_ones = people + faint, range(len(people))
+        locked = self._locked(frame, everybody, len(people))
         place = locked.place if locked else None
+        if place is not None and place not in sure_ones:
+            people, place = everybody.only([*sure_ones, place]), len(people)
         if place is not None:
             self._tall = float(heights(people.boxes)[place]) / max(frame.rgb.shape[:2])
         elif locked is None or locked.state is not TargetState.COASTING:
@@ -135,15 +142,22 @@ class TargetSegmenter:
         self._looks += 1
         return SEARCHED[self._looks % len(SEARCHED)]
 
-    def _locked(self, frame: Frame, people: Instances) -> Locked | None:
-        """Return what the lock says; None while nobody has been chosen."""
+    def _locked(self, frame: Frame, everybody: Instances, sure: int) -> Locked | None:
+        """Return what the lock says; None while nobody has been chosen.
+
+        Its place is among everybody, of whom the first `sure` ones are surely people.
+        """
         height, width = frame.rgb.shape[:2]
-        looks = appearances(frame.rgb, people.boxes)
+        people = everybody.only(range(sure))
+        every_look = appearances(frame.rgb, everybody.boxes)
+        looks = every_look[:sure]
         motion = self._motion(frame.rgb, people.boxes)
         self._recent.add(Sighting(frame.seq, frame.t_ns, people.boxes, people.scores, looks, motion))
         locked = None
         if self._first_sight is None:
-            locked = self._lock.update(people.boxes, people.scores, looks, motion, frame.t_ns)
+            locked = self._lock.update(
+                everybody.boxes, everybody.scores, every_look, motion, frame.t_ns, sure=sure
+            )
         if frame.click is not None:
             locked = self._picked(frame.click, frame, locked)
         if self._first_sight is None:
@@ -227,7 +241,9 @@ class TargetSegmenter:
             places = np.array(nearest[:CUT_OUT], np.intp)
             places = places[places != target] if known else places
             if len(places):
-                masks[places] = self._mask_head(frame.rgb, people.boxes[places], MASK_SIZE)
+                cut = self._mask_head(frame.rgb, people.boxes[places], MASK_SIZE)
+                found = cut.sum(axis=(1, 2)) >= LEAST_CUT_OUT * masks[places].sum(axis=(1, 2))
+                masks[places[found]] = cut[found]
         return masks
 
 

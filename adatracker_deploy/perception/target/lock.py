@@ -123,6 +123,18 @@ class _Other:
     """Whether they stood apart from the target, and it then went out of sight behind them."""
 
 
+class _Picture(NamedTuple):
+    """What was found in a picture, of which the target may be one."""
+
+    boxes: Boxes
+    scores: NDArray[np.float32]
+    looks: NDArray[np.float32]
+    alike: NDArray[np.float32]
+    """How alike each look is to the target's, shape (n,)."""
+    free: NDArray[np.bool_]
+    """Whether each stands unoccluded, and is surely a person; only then an appearance is learnt."""
+
+
 class TargetLock:
     """Tracks one person; call `choose` before `update`."""
 
@@ -154,6 +166,8 @@ class TargetLock:
         looks: NDArray[np.float32],
         motion: Motion,
         t_ns: int,
+        *,
+        sure: int | None = None,
     ) -> Locked:
         """Find the target among the people in the next image.
 
@@ -163,6 +177,9 @@ class TargetLock:
             looks: how they look, shape (n, 3, 128).
             motion: of the camera since the last picture.
             t_ns: when the picture was taken.
+            sure: how many of the boxes, the first ones, are surely people's; by default all. The others only
+                continue the track of a target that is in none of the first (Zhang et al. 2022, "ByteTrack:
+                multi-object tracking by associating every detection box").
 
         Raises:
             RuntimeError: nobody has been chosen.
@@ -175,37 +192,20 @@ class TargetLock:
         target = replace(target, person=target.person.expected(motion, dt_s), clear_s=target.clear_s + dt_s)
         others = [replace(other, person=other.person.expected(motion, dt_s)) for other in self._others]
         alike = target.alike(looks)
-        place, theirs = _places(None if was_lost else target, others, boxes, looks, alike)
-        free = _standing_free(boxes)
-        if place is not None:
-            elsewhere = [row for row in np.flatnonzero(free).tolist() if row != place]
-            now = [(float(alike[row]), others[theirs[row]] if row in theirs else None) for row in elsewhere]
-            likeliest = _likeliest_other(now, others, target)
-            place = None if _is_elsewhere(target, float(alike[place]), likeliest) else place
-        if place is not None:
-            target = _with_sight(
-                target, boxes[place], looks[place], float(alike[place]), free=bool(free[place])
-            )
-        else:
-            target = replace(target, clear_s=0.0)
-        beside = None if place is None or not free[place] else float(alike[place])
-        known: list[tuple[int, _Other]] = []
-        for box in range(len(boxes)):
-            if box == place:
-                continue
-            if box in theirs:
-                other = _seen(others[theirs[box]], boxes[box], looks[box] if free[box] else None)
-                other = _placed(other, target, seen=place is not None)
-            elif scores[box] >= _NEW_SCORE:
-                other = _Other(Person.new(boxes[box], looks[box]))
-            else:
-                continue
-            if free[box]:
-                sure = beside is not None and float(alike[box]) <= beside
-                other = _compared(other, float(alike[box]), target, beside=sure)
-            known.append((box, other))
+        rows = list(range(len(boxes)))[:sure]
+        place, theirs = _places(None if was_lost else target, others, boxes[rows], looks[rows], alike[rows])
+        faint = None if was_lost or place is not None else _faintly(target, boxes, alike, len(rows))
+        if faint is not None:
+            rows, place = [*rows, faint], len(rows)
+        free = _standing_free(boxes[rows])
+        free[len(boxes[:sure]) :] = False
+        here = _Picture(boxes[rows], scores[rows], looks[rows], alike[rows], free)
+        if place is not None and _is_elsewhere(target, here, place, others, theirs):
+            place = None
+        target = replace(target, clear_s=0.0) if place is None else _with_sight(target, here, place)
+        known = _others_in(here, others, theirs, target, place)
         unseen = [other for row, other in enumerate(others) if row not in theirs.values()]
-        again = _taken_back(known, target, free) if was_lost else None
+        again = _taken_back(known, target, here.free) if was_lost else None
         if again is not None:
             place, found = known.pop(again)
             target = replace(target, person=found.person)
@@ -214,9 +214,9 @@ class TargetLock:
         self._others += [other for other in unseen if other.person.unseen_s <= FORGET_S]
         if place is None:
             state = TargetState.LOST if target.lost else TargetState.COASTING
-            return Locked(state, None, 0.0, _expected(target, boxes))
+            return Locked(state, None, 0.0, _expected(target, here.boxes))
         state = TargetState.REACQUIRED if was_lost else TargetState.TRACKED
-        return Locked(state, place, float(alike[place]))
+        return Locked(state, rows[place], float(here.alike[place]))
 
 
 def _expected(target: _Target, boxes: Boxes) -> tuple[float, float, float, float] | None:
@@ -248,6 +248,15 @@ def _places(
     return place, {box: row - first for row, box in owner.items()}
 
 
+def _faintly(target: _Target, boxes: Boxes, alike: NDArray[np.float32], sure: int) -> int | None:
+    """Return which of the boxes after the first `sure` ones is the target's; None if none is, or it is
+    somebody's."""
+    place, _ = _places(target, [], boxes[sure:], np.empty((0, 0), np.float32), alike[sure:])
+    if place is None or overlap(boxes[sure + place][None], boxes[:sure]).max(initial=0.0) >= _TAKEN:
+        return None
+    return sure + place
+
+
 def _standing_free(boxes: Boxes) -> NDArray[np.bool_]:
     """Return for each box whether it is unoccluded."""
     covering = overlap(boxes, boxes)
@@ -255,10 +264,9 @@ def _standing_free(boxes: Boxes) -> NDArray[np.bool_]:
     return np.asarray(covering.max(axis=1, initial=0.0) < CROWDED)
 
 
-def _with_sight(
-    target: _Target, box: NDArray[np.float32], look: Appearance, alike: float, *, free: bool
-) -> _Target:
-    person = target.person.seen(box, look if free else None, _LEARN)
+def _with_sight(target: _Target, here: _Picture, place: int) -> _Target:
+    look, alike, free = here.looks[place], float(here.alike[place]), bool(here.free[place])
+    person = target.person.seen(here.boxes[place], look if free else None, _LEARN)
     if not free:
         return replace(target, person=person, clear_s=0.0)
     usual = target.usual + _SMOOTHING_USUAL * (alike - target.usual)
@@ -266,6 +274,29 @@ def _with_sight(
     if stripes_known(look) >= _TELLING and (alike < _NEW_VIEW or not views) and target.clear_s >= _CLEAR_S:
         views = (*views[:1], *views[1:][2 - _VIEWS :], look)
     return replace(target, person=person, usual=usual, views=views)
+
+
+def _others_in(
+    here: _Picture, others: list[_Other], theirs: dict[int, int], target: _Target, place: int | None
+) -> list[tuple[int, _Other]]:
+    """Return everybody but the target, which is at `place`, with their boxes' numbers."""
+    beside = None if place is None or not here.free[place] else float(here.alike[place])
+    known: list[tuple[int, _Other]] = []
+    for box, (where, score, look, alike, free) in enumerate(zip(*here, strict=True)):
+        if box == place:
+            continue
+        if box in theirs:
+            other = _seen(others[theirs[box]], where, look if free else None)
+            other = _placed(other, target, seen=place is not None)
+        elif score >= _NEW_SCORE:
+            other = _Other(Person.new(where, look))
+        else:
+            continue
+        if free:
+            sure = beside is not None and float(alike) <= beside
+            other = _compared(other, float(alike), target, beside=sure)
+        known.append((box, other))
+    return known
 
 
 def _seen(other: _Other, box: NDArray[np.float32], look: Appearance | None) -> _Other:
@@ -297,31 +328,33 @@ def _compared(other: _Other, alike: float, target: _Target, *, beside: bool) -> 
     )
 
 
-def _likeliest_other(now: list[tuple[float, _Other | None]], others: list[_Other], target: _Target) -> float:
+def _is_elsewhere(
+    target: _Target, here: _Picture, place: int, others: list[_Other], theirs: dict[int, int]
+) -> bool:
+    """Return whether another detection is the target rather than the one at its predicted box, `place`.
+
+    After dropped frames or a knock on the camera, the target may reappear as a new track; then reject the
+    detection at its predicted box, however similar.
+    """
+    alike = float(here.alike[place])
+    likeliest = _likeliest_other(target, here, place, others, theirs)
+    return not _agrees(alike, target) and _agrees(likeliest, target) and likeliest > alike + _MARGIN
+
+
+def _likeliest_other(
+    target: _Target, here: _Picture, place: int, others: list[_Other], theirs: dict[int, int]
+) -> float:
     """Return the highest similarity of anybody else to the target, now or smoothed; 0 if there is nobody.
 
     Occluded people use their smoothed similarity; people who cannot be the target do not count.
-
-    Args:
-        now: similarity of each other box that stands free, and whose it is, if anybody's.
-        others: all that are known.
-        target: who they are compared with.
     """
+    elsewhere = [row for row in np.flatnonzero(here.free).tolist() if row != place]
+    now = [(float(here.alike[row]), others[theirs[row]] if row in theirs else None) for row in elsewhere]
     of_late = [(other.alike, other) for other in others if other.alike is not None]
     return max(
         (alike for alike, other in (*now, *of_late) if other is None or _may_be(other, alike, target)),
         default=0.0,
     )
-
-
-def _is_elsewhere(target: _Target, here: float, likeliest: float) -> bool:
-    """Return whether another detection is the target rather than the one at its predicted box, of similarity
-    `here`.
-
-    After dropped frames or a knock on the camera, the target may reappear as a new track; then reject the
-    detection at its predicted box, however similar.
-    """
-    return not _agrees(here, target) and _agrees(likeliest, target) and likeliest > here + _MARGIN
 
 
 def _agrees(alike: float, target: _Target) -> bool:
