@@ -30,6 +30,11 @@ def heights(boxes: Boxes) -> Boxes:
     return np.asarray(boxes[:, 3] - boxes[:, 1])
 
 
+def widths(boxes: Boxes) -> Boxes:
+    """Return the widths, px, shape (n,)."""
+    return np.asarray(boxes[:, 2] - boxes[:, 0])
+
+
 def widened(boxes: Boxes, share: float) -> Boxes:
     """Return the boxes with `share` of their own width and height added on every side."""
     margins = (boxes[:, 2:] - boxes[:, :2]) * share

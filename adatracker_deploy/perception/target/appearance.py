@@ -55,6 +55,11 @@ def stripes_known(look: Appearance) -> int:
     return int(np.count_nonzero(look.any(axis=1)))
 
 
+def is_cut(look: Appearance) -> bool:
+    """Return whether the picture cuts off the person above or below, by the stripes that are out of it."""
+    return stripes_known(look) < len(look)
+
+
 def likeness(looks: NDArray[np.float32], other: Appearance) -> NDArray[np.float32]:
     """Return the similarity of each of `looks` (n, 3, 128) to `other`, 0 to 1: mean Bhattacharyya coefficient
     of the stripes, `UNKNOWN` for one that either lacks."""

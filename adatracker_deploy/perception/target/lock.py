@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from adatracker_deploy.core.messages import TargetState
 from adatracker_deploy.perception.boxes import overlap, within
-from adatracker_deploy.perception.target.appearance import likeness, stripes_known
+from adatracker_deploy.perception.target.appearance import is_cut, likeness, stripes_known
 from adatracker_deploy.perception.target.people import Person, assigned
 
 if TYPE_CHECKING:
@@ -43,6 +43,9 @@ CROWDED = 0.1
 """IoU with another box above which an appearance is not trusted or learnt."""
 _NEW_SCORE = 0.45
 """Least score of an unmatched box that starts a new track."""
+_SAME, _NESTED = 0.5, 0.85
+"""IoU with the target's box, and share of the smaller one within the other, from which on an unmatched box is
+a second one on the target and starts no track, which would take the target's next box for its own."""
 _LEAST_ALIKE, _LEAST_ALIKE_OTHERS = 0.5, 0.4
 _LEARN, _LEARN_OTHERS = 0.05, 0.1
 """Share of a new appearance blended into the known one."""
@@ -194,7 +197,7 @@ class TargetLock:
         alike = target.alike(looks)
         rows = list(range(len(boxes)))[:sure]
         place, theirs = _places(None if was_lost else target, others, boxes[rows], looks[rows], alike[rows])
-        faint = None if was_lost or place is not None else _faintly(target, boxes, alike, len(rows))
+        faint = None if was_lost or place is not None else _faintly(target, boxes, looks, alike, len(rows))
         if faint is not None:
             rows, place = [*rows, faint], len(rows)
         free = _standing_free(boxes[rows])
@@ -243,15 +246,19 @@ def _places(
     people = [*(() if target is None else (target.person,)), *(other.person for other in others)]
     rows = [*(() if target is None else (alike,)), *(person.alike(looks) for person in people[first:])]
     least = [_LEAST_ALIKE] * first + [_LEAST_ALIKE_OTHERS] * len(others)
-    owner = assigned(people, boxes.astype(np.float64), np.array(rows).reshape(len(people), len(boxes)), least)
+    cut = np.array([is_cut(look) for look in looks], bool)
+    shares = np.array(rows).reshape(len(people), len(boxes))
+    owner = assigned(people, boxes.astype(np.float64), shares, least, cut)
     place = owner.pop(0, None) if first else None
     return place, {box: row - first for row, box in owner.items()}
 
 
-def _faintly(target: _Target, boxes: Boxes, alike: NDArray[np.float32], sure: int) -> int | None:
+def _faintly(
+    target: _Target, boxes: Boxes, looks: NDArray[np.float32], alike: NDArray[np.float32], sure: int
+) -> int | None:
     """Return which of the boxes after the first `sure` ones is the target's; None if none is, or it is
     somebody's."""
-    place, _ = _places(target, [], boxes[sure:], np.empty((0, 0), np.float32), alike[sure:])
+    place, _ = _places(target, [], boxes[sure:], looks[sure:], alike[sure:])
     if place is None or overlap(boxes[sure + place][None], boxes[:sure]).max(initial=0.0) >= _TAKEN:
         return None
     return sure + place
@@ -266,7 +273,7 @@ def _standing_free(boxes: Boxes) -> NDArray[np.bool_]:
 
 def _with_sight(target: _Target, here: _Picture, place: int) -> _Target:
     look, alike, free = here.looks[place], float(here.alike[place]), bool(here.free[place])
-    person = target.person.seen(here.boxes[place], look if free else None, _LEARN)
+    person = target.person.seen(here.boxes[place], look, _LEARN if free else 0.0)
     if not free:
         return replace(target, person=person, clear_s=0.0)
     usual = target.usual + _SMOOTHING_USUAL * (alike - target.usual)
@@ -281,14 +288,16 @@ def _others_in(
 ) -> list[tuple[int, _Other]]:
     """Return everybody but the target, which is at `place`, with their boxes' numbers."""
     beside = None if place is None or not here.free[place] else float(here.alike[place])
+    mine = target.person.box.astype(np.float32)
     known: list[tuple[int, _Other]] = []
     for box, (where, score, look, alike, free) in enumerate(zip(*here, strict=True)):
         if box == place:
             continue
         if box in theirs:
-            other = _seen(others[theirs[box]], where, look if free else None)
+            other = others[theirs[box]]
+            other = replace(other, person=other.person.seen(where, look, _LEARN_OTHERS if free else 0.0))
             other = _placed(other, target, seen=place is not None)
-        elif score >= _NEW_SCORE:
+        elif score >= _NEW_SCORE and (place is None or not _is_second(where, mine)):
             other = _Other(Person.new(where, look))
         else:
             continue
@@ -299,8 +308,10 @@ def _others_in(
     return known
 
 
-def _seen(other: _Other, box: NDArray[np.float32], look: Appearance | None) -> _Other:
-    return replace(other, person=other.person.seen(box, look, _LEARN_OTHERS))
+def _is_second(box: NDArray[np.float32], mine: NDArray[np.float32]) -> bool:
+    """Return whether a box is a second one on the target, whose box is `mine`."""
+    nested = max(within(box[None], mine)[0], within(mine[None], box)[0])
+    return bool(overlap(box[None], mine[None])[0, 0] >= _SAME and nested >= _NESTED)
 
 
 def _placed(other: _Other, target: _Target, *, seen: bool) -> _Other:

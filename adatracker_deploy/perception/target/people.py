@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from adatracker_deploy.perception.boxes import centres, heights, overlap, widened
-from adatracker_deploy.perception.target.appearance import likeness, mixed
+from adatracker_deploy.perception.boxes import centres, heights, overlap, widened, widths
+from adatracker_deploy.perception.target.appearance import is_cut, likeness, mixed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,7 +28,10 @@ two boxes of a fast person a picture apart need not touch (Yang et al. 2023, "Ha
 irregular motions and similar appearances? Make it easier by buffering the matching space")."""
 _LEAST_OVERLAP = 0.05
 _OTHER_SIZE = 0.6
-"""Largest ratio between the heights of two boxes of the same person."""
+"""Smallest ratio between the heights of two boxes of the same person."""
+_OTHER_WIDTH = 0.35
+"""The same of the widths, where the picture cuts off the height of either: a head and shoulders are not as
+wide as a stride."""
 _LOOK_WEIGHT = 2.0
 """Weight of the similarity relative to the IoU."""
 _LEAST_SCORE = 0.55
@@ -45,11 +48,13 @@ class Person:
     velocity: NDArray[np.float64]
     """Image velocity of the box's centre without camera motion, px/s, shape (2,)."""
     unseen_s: float = 0.0
+    cut: bool = False
+    """Whether the picture cut off the box that was seen last, above or below."""
 
     @classmethod
     def new(cls, box: NDArray[np.float32], look: Appearance) -> Person:
         """Return a new track."""
-        return cls(box.astype(np.float64), look, np.zeros(2))
+        return cls(box.astype(np.float64), look, np.zeros(2), cut=is_cut(look))
 
     def expected(self, motion: Motion, dt_s: float) -> Person:
         """Return the track predicted one image ahead."""
@@ -64,13 +69,13 @@ class Person:
         middle = (box[:2] + box[2:]) / 2
         return replace(self, box=np.hstack((middle - half, middle + half)), unseen_s=self.unseen_s + dt_s)
 
-    def seen(self, box: NDArray[np.float32], look: Appearance | None, learn: float) -> Person:
-        """Return the predicted track updated with `box`, and with a share of an appearance if given."""
+    def seen(self, box: NDArray[np.float32], look: Appearance, learn: float) -> Person:
+        """Return the predicted track updated with `box` and a share `learn` of an appearance."""
         found = box.astype(np.float64)
         error = centres(found[None])[0] - centres(self.box[None])[0]
         velocity = self.velocity + _SMOOTHING * error / max(self.unseen_s, 1e-3)
-        known = self.look if look is None else mixed(self.look, look, learn)
-        return Person(found, known, velocity)
+        known = mixed(self.look, look, learn) if learn else self.look
+        return Person(found, known, velocity, cut=is_cut(look))
 
     def alike(self, looks: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the similarity of each of `looks` to theirs, 0 to 1, shape (n,)."""
@@ -82,6 +87,7 @@ def assigned(
     boxes: NDArray[np.float64],
     alike: NDArray[np.float64],
     least_alike: Sequence[float],
+    cut: NDArray[np.bool_],
 ) -> dict[int, int]:
     """Associate tracks with boxes, as {index in `people`: index in `boxes`}; greedy, best pair first.
 
@@ -92,6 +98,7 @@ def assigned(
         boxes: what was found, shape (m, 4), px.
         alike: of each person and box, shape (n, m).
         least_alike: for each person, the likeness below which a box is not theirs.
+        cut: whether the picture cuts off each box above or below, shape (m,).
     """
     if not len(people) or not len(boxes):
         return {}
@@ -100,12 +107,13 @@ def assigned(
         here = person.box[None]
         margin = min(_WIDEST, _WIDEN + _WIDEN_PER_S * person.unseen_s)
         shared = overlap(widened(boxes, margin), widened(here, margin))[:, 0]
-        taller = heights(boxes) / heights(here)[0]
+        taller, wider = heights(boxes) / heights(here)[0], widths(boxes) / widths(here)[0]
+        as_tall = (taller >= _OTHER_SIZE) & (taller <= 1 / _OTHER_SIZE)
+        as_wide = (wider >= _OTHER_WIDTH) & (wider <= 1 / _OTHER_WIDTH)
         fits = (
             (shared >= _LEAST_OVERLAP)
             & (alike[row] >= least_alike[row])
-            & (taller >= _OTHER_SIZE)
-            & (taller <= 1 / _OTHER_SIZE)
+            & (as_tall | (as_wide & (cut | person.cut)))
         )
         score[row, fits] = shared[fits] + _LOOK_WEIGHT * alike[row, fits]
     pairs: dict[int, int] = {}

@@ -13,6 +13,7 @@ from adatracker_deploy.perception.target.motion import STILL
 from adatracker_deploy.perception.target.people import Person, assigned
 
 BOX = np.array([100, 50, 140, 150], np.float32)
+WHOLE = np.zeros(2, bool)
 
 
 def aside(px, box=BOX):
@@ -32,7 +33,7 @@ def walked(speed_px_s, pictures, dt_s=0.05, motion=STILL):
     for _ in range(pictures):
         step = np.array([speed_px_s * dt_s, 0] * 2) + np.tile(motion[:, 2], 2)
         box = box + step
-        person = person.expected(motion, dt_s).seen(box.astype(np.float32), None, 0.1)
+        person = person.expected(motion, dt_s).seen(box.astype(np.float32), look(), 0.1)
     return person
 
 
@@ -80,9 +81,9 @@ def test_who_is_out_of_sight_for_longer_than_a_second_grows_no_more_as_the_backg
     assert tall[-1] == pytest.approx(tall[25])
 
 
-def test_only_a_look_that_is_given_is_learnt():
+def test_only_the_share_of_a_look_that_is_given_is_learnt():
     person = Person.new(BOX, look(0))
-    assert person.seen(BOX, None, 0.1).look is person.look
+    assert person.seen(BOX, look(1), 0).look is person.look
     learnt = person.seen(BOX, look(1), 0.1)
     assert learnt.alike(look(1)[None])[0] == pytest.approx(np.sqrt(0.1), abs=1e-6)
     assert learnt.unseen_s == 0
@@ -101,7 +102,7 @@ def shares(people, kinds):
 
 def whose(people, boxes, kinds, least=0.4):
     found = np.array(boxes, float).reshape(-1, 4)
-    return assigned(people, found, shares(people, kinds), [least] * len(people))
+    return assigned(people, found, shares(people, kinds), [least] * len(people), np.zeros(len(found), bool))
 
 
 def test_the_best_pair_comes_first_and_the_next_gets_what_is_left():
@@ -121,7 +122,7 @@ def test_likeness_counts_twice_as_much_as_place(likeness_here, place):
     """The first box is where they must be; the other overlaps it little and looks exactly like them."""
     someone = Person.new(BOX, look())
     boxes = np.array([BOX, aside(33)], float)
-    assert assigned([someone], boxes, np.array([[likeness_here, 1.0]]), [0.4]) == {0: place}
+    assert assigned([someone], boxes, np.array([[likeness_here, 1.0]]), [0.4], WHOLE) == {0: place}
 
 
 @pytest.mark.parametrize(
@@ -138,6 +139,24 @@ def test_a_box_that_cannot_be_theirs_is_nobodys(box, kind):
     assert whose([Person.new(BOX, look())], [box], [kind]) == {}
 
 
+def test_whom_the_picture_cuts_off_is_known_by_their_width():
+    """Somebody walks out below the picture, and back into it: of them it shows less and less, then all."""
+    whole, head = BOX.astype(float), np.array([[102, 50, 138, 80]], float)
+    cut_look = look()
+    cut_look[1:] = 0
+    person = Person.new(BOX, look())
+    alike = np.array([[0.9]])
+    assert assigned([person], head, alike, [0.4], WHOLE[:1]) == {}
+    assert assigned([person], head, alike, [0.4], ~WHOLE[:1]) == {0: 0}
+    again = person.seen(head[0].astype(np.float32), cut_look, 0)
+    assert assigned([again], whole[None], alike, [0.4], WHOLE[:1]) == {0: 0}
+    assert assigned([again], whole[None] + [[-80, 0, 80, 0]], alike, [0.4], WHOLE[:1]) == {}
+    assert (
+        assigned([again.seen(head[0].astype(np.float32), look(), 0)], whole[None], alike, [0.4], WHOLE[:1])
+        == {}
+    )
+
+
 def test_the_longer_somebody_was_out_of_sight_the_further_they_may_have_gone():
     elsewhere = aside(70)
     person = Person.new(BOX, look())
@@ -147,7 +166,7 @@ def test_the_longer_somebody_was_out_of_sight_the_further_they_may_have_gone():
 
 def test_where_nobody_or_nothing_is_there_is_no_pair():
     assert whose([], [BOX], [0]) == {}
-    assert assigned([Person.new(BOX, look())], np.empty((0, 4)), np.empty((1, 0)), [0.4]) == {}
+    assert assigned([Person.new(BOX, look())], np.empty((0, 4)), np.empty((1, 0)), [0.4], WHOLE[:0]) == {}
 
 
 places = st.lists(st.tuples(st.integers(0, 30), st.integers(0, 2)), min_size=1, max_size=5, unique=True)
