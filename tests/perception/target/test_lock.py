@@ -172,6 +172,18 @@ def test_a_target_that_goes_on_under_the_track_of_whom_it_crossed_is_taken_back_
     assert said[-1] == (TRACKED, 0)
 
 
+def test_a_second_box_on_the_target_does_not_take_its_next_box():
+    """A wide box with an arm and a narrow one without, for one picture; after that the wide one alone."""
+    narrow, wide = np.array([[100, 50, 145, 150]], np.float32), np.array([[100, 50, 170, 150]], np.float32)
+    lock, one, two = TargetLock(), np.ones(1, np.float32), np.ones(2, np.float32)
+    lock.choose(0, narrow, looking([0]), 0)
+    pictures = [narrow, np.vstack((narrow, wide)), wide, wide]
+    for number, boxes in enumerate(pictures, 1):
+        kinds = [0] * len(boxes)
+        said = lock.update(boxes, (one, two)[len(boxes) - 1], looking(kinds), STILL, number * 10**8)
+        assert said.state is TRACKED
+
+
 def test_a_second_box_on_the_target_itself_does_not_hide_it():
     """Detectors split a person who is half hidden; the box that grows to the whole of them is the target."""
     half, whole = (np.array([(100, 20, 140, bottom)], np.float32) for bottom in (70, 120))

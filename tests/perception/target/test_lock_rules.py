@@ -123,7 +123,7 @@ def test_whatever_people_wear_the_states_are_in_lawful_order_and_the_same_again(
 
 @st.composite
 def any_pictures(draw):
-    """Draw random boxes, looks, motions and times, such as no camera ever gave."""
+    """Draw random boxes, sure and not, looks, motions and times, such as no camera ever gave."""
     pictures = []
     for _ in range(draw(st.integers(2, 12))):
         count = draw(st.integers(0 if pictures else 1, 5))
@@ -136,6 +136,7 @@ def any_pictures(draw):
                 looking(draw(st.lists(st.integers(0, 3), min_size=count, max_size=count))),
                 _motion(draw(st.floats(-0.5, 0.5)), draw(st.floats(0.8, 1.25)), draw(st.floats(-99, 99))),
                 draw(st.sampled_from([0, 1, 50_000_000, 400_000_000, 5_000_000_000])),
+                draw(st.none() | st.integers(0, count)),
             )
         )
     return pictures
@@ -154,11 +155,11 @@ def test_whatever_a_detector_finds_the_lock_answers_by_the_rules(pictures):
 
     def run():
         lock = TargetLock()
-        boxes, _, looks, _, t_ns = pictures[0]
+        boxes, _, looks, _, t_ns, _ = pictures[0]
         said = [(Sight(boxes), lock.choose(len(boxes) - 1, boxes, looks, t_ns))]
-        for boxes, scores, looks, motion, dt_ns in pictures[1:]:
+        for boxes, scores, looks, motion, dt_ns, sure in pictures[1:]:
             t_ns += dt_ns
-            said.append((Sight(boxes), lock.update(boxes, scores, looks, motion, t_ns)))
+            said.append((Sight(boxes), lock.update(boxes, scores, looks, motion, t_ns, sure=sure)))
         return said
 
     said = run()
