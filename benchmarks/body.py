@@ -1,4 +1,4 @@
-"""What is knowing the body worth, and what the target's motion? The expert, told the truth and told otherwise.
+"""What is it worth to know the body, and the target's motion? The expert told the truth, and told otherwise.
 
 python benchmarks/body.py [--condition wide ...] [--target] [--episodes 4] [--seed 77] [--workers 2]
 
@@ -74,7 +74,8 @@ class Late(Expert):
         now = cmath.rect(self._speed, self._heading)
         self._velocity += self._newest * (now - self._velocity)
         self._speed, self._heading = cmath.polar(self._velocity)
-        self._turning *= self._newest == 1.0
+        if self._newest < 1.0:
+            self._turning = 0.0  # an average knows of none
 
 
 def middle(condition: Condition, target_speed_m_s: float) -> dict[str, float]:
