@@ -1,20 +1,28 @@
 """A topic of another type or quality of service: one sentence and exit status 2, and nothing moves."""
 
+import contextlib
 import dataclasses
+import itertools
 
 import pytest
 import yaml
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed: pip install 'adatracker-deploy[ros2]'")
 
+import rclpy.node
+
 from adatracker_deploy.cli import main
+from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import PlatformError, UsageError
 from adatracker_deploy.registry import profile_dir
+from adatracker_ros2.adapter.graph import UNNAMED
+from adatracker_ros2.platform import Ros2Platform
 from adatracker_ros2.protocol.connection import Qos
 from adatracker_ros2.protocol.topics import BATTERY_STATE, Topics
 from tests.ros2.rehearsal import adapter, changed, publisher, rehearsed, simulator
 
 SOON_S = 3.0
+LOOKS_WITHOUT_A_NAME = 40
 
 
 @pytest.fixture(scope="module")
@@ -66,6 +74,27 @@ def test_a_camera_topic_that_carries_no_images_is_named(robot):
         camera = type(platform_of(robot)).camera(elsewhere, platform_of(robot).clock)
         with pytest.raises(UsageError, match="is sensor_msgs/msg/BatteryState at /battery_driver"):
             camera.open()
+
+
+def test_a_refusal_waits_for_the_name_of_a_node_and_a_camera_does_not(robot, monkeypatch):
+    """A node's name follows its topics in the graph, on a busy machine by more than half a second."""
+    looks = itertools.count()
+    told = rclpy.node.Node.get_publishers_info_by_topic
+
+    def nameless(node, topic):
+        there = told(node, topic)
+        if there and next(looks) < LOOKS_WITHOUT_A_NAME:
+            for endpoint in there:
+                endpoint.node_name = UNNAMED
+        return there
+
+    monkeypatch.setattr(rclpy.node.Node, "get_publishers_info_by_topic", nameless)
+    test_a_camera_topic_that_carries_no_images_is_named(robot)
+    assert next(looks) > LOOKS_WITHOUT_A_NAME
+    looks = itertools.count()
+    with contextlib.closing(Ros2Platform.camera(robot, MonotonicClock())) as camera:
+        camera.open()
+    assert next(looks) < LOOKS_WITHOUT_A_NAME
 
 
 def platform_of(profile):

@@ -35,21 +35,28 @@ from adatracker_ros2.protocol.qos import ros_qos
 from adatracker_ros2.protocol.topics import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE, Topics, is_rectified
 
 if TYPE_CHECKING:
-    from collections.abc import Generator
+    from collections.abc import Generator, Sequence
 
     from adatracker_deploy.config.profile import Profile
     from adatracker_deploy.core.clock import Clock
     from adatracker_deploy.core.messages import Truth
+    from adatracker_ros2.adapter.graph import Endpoint
 
 _LOOK_S = 0.02
-_NAMED_S = 0.3
-"""Longest wait for the name of a publisher's node, which follows it in the graph; errors tell it."""
+_NAMED_S = 3.0
+"""Longest wait for the name of a publisher's node, which follows it in the graph: a refusal tells it."""
 _WAKE_S = 0.2
 """Longest delay before the reader notices that it should end."""
 _TRUTHS_KEPT = 8
 """The truth of an image is published before it, so that only images which are skipped leave theirs behind."""
 _TRUTH_S = 0.1
 """Longest wait for one that its image has overtaken."""
+
+
+def _type_in(there: Sequence[Endpoint]) -> str:
+    """Return the type of images that is published; empty if none is."""
+    names = [endpoint.topic_type for endpoint in there]
+    return next((name for name in (COMPRESSED_IMAGE, IMAGE) if name in names), "")
 
 
 class Ros2Camera(LiveCamera):
@@ -118,19 +125,23 @@ class Ros2Camera(LiveCamera):
                 return ""
             time.sleep(_LOOK_S)
         named_s = time.monotonic() + _NAMED_S
-        while name_of(there[0]) == NAMELESS and time.monotonic() < named_s:
+        while NAMELESS in (why := self._unfit(there)) and not self._ending.is_set():
+            if time.monotonic() > named_s:
+                break
             time.sleep(_LOOK_S)
             there = participant.node.get_publishers_info_by_topic(topic) or there
-        names = [endpoint.topic_type for endpoint in there]
-        type_name = next((name for name in (COMPRESSED_IMAGE, IMAGE) if name in names), "")
+        if why:
+            raise UsageError(f"camera {self.name}: {why}")
+        return _type_in(there)
+
+    def _unfit(self, there: Sequence[Endpoint]) -> str:
+        """Return why no publisher of the topic can be read; empty if one can."""
+        topic, type_name = self._topics.camera, _type_in(there)
         if not type_name:
-            raise UsageError(
-                f"camera {self.name}: {topic} is {names[0]} at {name_of(there[0])}; images are "
-                f"{COMPRESSED_IMAGE} or {IMAGE}"
-            )
-        if why := wrong_publishers(topic, type_name, ros_qos(self._connection.camera_qos), there):
-            raise UsageError(f"camera {self.name}: {why}: correct connection.camera_qos")
-        return type_name
+            what, whose = there[0].topic_type, name_of(there[0])
+            return f"{topic} is {what} at {whose}; images are {COMPRESSED_IMAGE} or {IMAGE}"
+        why = wrong_publishers(topic, type_name, ros_qos(self._connection.camera_qos), there)
+        return why and f"{why}: correct connection.camera_qos"
 
     def _rehearse(self, participant: Participant) -> None:
         lossless = ros_qos(Qos(reliability="reliable", depth=_TRUTHS_KEPT))
