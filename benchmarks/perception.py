@@ -14,10 +14,9 @@ DIR holds ``video/vtest.avi`` (PETS09-S2L1, 795 frames, 7 a second), its MOT15 g
   which it overlaps somebody else's by more than half and not theirs. EL: the share before 20 frames in a row
   without success. The box is the one that the robot is given: what was found or, of a target that was missed
   for 0.3 s at most, where it is expected. The constants of the lock were chosen on this very footage: no
-  other was at hand. With
-  --jitter as many runs more, in which 3 % of the boxes are dropped and each side of the others is off by 2 %
-  of the box's size (standard deviation). --side is the detector's input.
-* noise: the same runs in the terms of `world/noise.py`: how often and for how long the target has no box,
+  other was at hand. With --jitter as many runs more, in which 3 % of the boxes are dropped and each side of
+  the others is off by 2 % of the box's size (standard deviation). --side is the detector's input.
+* noise: the same runs in the terms of `sim/noise.py`: how often and for how long the target has no box,
   and false people with a score of 0.5 or more.
 * speed: from a decoded frame of 640x480 to the observation, frame by frame, as the embedded segmenter is used
   (the second of two people who are cut out has the other core); and each model alone.

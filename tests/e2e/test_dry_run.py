@@ -18,7 +18,7 @@ from adatracker_deploy.perception.capture import Capture
 from adatracker_deploy.perception.pipeline import perceive
 from adatracker_deploy.perception.segmenters import EMBEDDED, open_segmenter
 from adatracker_deploy.perception.target.choice import Choice
-from adatracker_deploy.perception.target.lock import BRIDGED_S
+from adatracker_deploy.perception.target.recognition import BRIDGED_S
 from tests.tiers import EXHAUSTIVE
 
 from .conftest import started

@@ -16,7 +16,7 @@ from adatracker_deploy.perception.drawing import mask_shape
 from adatracker_deploy.perception.roles import Instances
 from adatracker_deploy.perception.segmenter import check_observation
 from adatracker_deploy.perception.target.choice import Choice
-from adatracker_deploy.perception.target.lock import BRIDGED_S
+from adatracker_deploy.perception.target.recognition import BRIDGED_S
 from adatracker_deploy.perception.target_segmenter import CUT_OUT, SEARCHED, TargetSegmenter
 
 pytestmark = pytest.mark.usefixtures("chosen_at_once")
@@ -353,7 +353,7 @@ def doubtful(*pictures):
     return watch(film(*pictures), TargetSegmenter(Doubtful(), None, Choice.read("best"), least_score=0.35))
 
 
-def test_of_whom_the_detector_is_not_sure_the_target_is_followed_by():
+def test_a_doubtful_box_continues_the_track_of_the_target_alone():
     seen = doubtful(
         *[scene((RED, 20 + 3 * n, 60, 70 + 3 * n, 200), (BLUE, 300, 50, 350, 190)) for n in range(40)]
     )

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from adatracker_deploy.core.messages import TargetState
-from adatracker_deploy.perception.target.lock import COAST_S, TargetLock
+from adatracker_deploy.perception.target.lock import TargetLock
 from adatracker_deploy.perception.target.motion import STILL
+from adatracker_deploy.perception.target.recognition import COAST_S
 from tests.perception.target.walkers import (
     CLOTHES,
     RATE_HZ,
