@@ -77,7 +77,7 @@ def test_a_camera_topic_that_carries_no_images_is_named(robot):
 
 
 def test_a_refusal_waits_for_the_name_of_a_node_and_a_camera_does_not(robot, monkeypatch):
-    """A node's name follows its topics in the graph, on a busy machine by more than half a second."""
+    """A node's name follows its topics in the graph, on a busy machine by more than 0.3 s."""
     looks = itertools.count()
     told = rclpy.node.Node.get_publishers_info_by_topic
 
