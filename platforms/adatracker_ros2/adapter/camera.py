@@ -45,6 +45,8 @@ if TYPE_CHECKING:
 _LOOK_S = 0.02
 _NAMED_S = 3.0
 """Longest wait for the name of a publisher's node, which follows it in the graph: a refusal tells it."""
+_TOLD_S = 1.0
+"""Time before the opening ends at which a refusal is told, with the name or without it."""
 _WAKE_S = 0.2
 """Longest delay before the reader notices that it should end."""
 _TRUTHS_KEPT = 8
@@ -124,7 +126,7 @@ class Ros2Camera(LiveCamera):
             if self._ending.is_set() or time.monotonic() > deadline_s:
                 return ""
             time.sleep(_LOOK_S)
-        named_s = time.monotonic() + _NAMED_S
+        named_s = min(time.monotonic() + _NAMED_S, deadline_s - _TOLD_S)
         while NAMELESS in (why := self._unfit(there)) and not self._ending.is_set():
             if time.monotonic() > named_s:
                 break
