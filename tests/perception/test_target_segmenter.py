@@ -230,9 +230,9 @@ def test_whom_the_mask_head_misses_is_an_ellipse():
 
 
 def walk(number):
-    """Red walks to the right before green, who stands; a chair stands before both."""
+    """Red walks to the right before green, who stands further off; a chair stands before both."""
     return scene(
-        (GREEN, 180, 50, 230, 170),
+        (GREEN, 185, 60, 225, 150),
         (RED, 20 + 6 * number, 60, 70 + 6 * number, 200),
         (CHAIR, 320, 150, 390, 230),
     )

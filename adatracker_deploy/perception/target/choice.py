@@ -17,11 +17,14 @@ if TYPE_CHECKING:
     from adatracker_deploy.perception.roles import Boxes
 
 Rule = Literal["largest", "central", "best", "click"]
-"""The largest box, the one nearest the image centre, the one with the best score, or nobody by itself: the
-operator clicks on somebody (`picks`)."""
+"""The largest box (of several about as large, the one nearest the image centre), the one nearest the image
+centre, the one with the best score, or nobody by itself: the operator clicks on somebody (`picks`)."""
 BY_CLICK: Rule = "click"
 
 _LEAST_OVERLAP = 0.3
+_AS_LARGE = 0.6
+"""Of the largest area: that of somebody 1.3 times as far away. Of nearer ones, build and stride decide whose box is
+larger, and the robot was pointed at whom it shall follow."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,12 +77,13 @@ class Choice:
             return int(shared.argmax()) if shared.max() >= _LEAST_OVERLAP else None
         if self.numbers:
             return _at(self.numbers, boxes)
-        worth = {
-            "best": scores,
-            "central": -_distances(boxes, (0.5, 0.5)),
-            "largest": (boxes[:, 2:] - boxes[:, :2]).prod(axis=1),
-        }
-        return int(worth[self.rule].argmax())
+        if self.rule == "best":
+            return int(scores.argmax())
+        aside = _distances(boxes, (0.5, 0.5))
+        if self.rule == "largest":
+            areas = (boxes[:, 2:] - boxes[:, :2]).prod(axis=1)
+            aside[areas < _AS_LARGE * areas.max()] = np.inf
+        return int(aside.argmin())
 
 
 def _at(point: tuple[float, ...], boxes: Boxes) -> int | None:

@@ -55,6 +55,18 @@ def test_the_default_is_the_largest():
     assert Choice()(*CROWD) == 1
 
 
+@pytest.mark.parametrize(
+    ("aside", "place"),
+    [
+        ((20, 20, 100, 199), 0),  # larger, and beside whom the robot was pointed at
+        ((20, 20, 100, 180), 0),
+        ((10, 20, 130, 199), 1),  # much nearer
+    ],
+)
+def test_of_several_about_as_large_it_is_the_one_whom_the_robot_was_pointed_at(aside, place):
+    assert chosen("largest", people((170, 20, 240, 190), aside, (190, 60, 230, 120))) == place
+
+
 def test_of_two_whose_boxes_hold_the_point_it_is_the_one_whose_middle_is_nearer():
     crowd = people((100, 0, 200, 200), (150, 0, 300, 200))
     assert chosen("0.42,0.5", crowd) == 0

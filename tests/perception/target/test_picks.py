@@ -24,7 +24,7 @@ from tests.perception.test_target_segmenter import (
 
 pytestmark = pytest.mark.usefixtures("chosen_at_once")
 
-BOTH = (RED, 50, 60, 100, 180), (GREEN, 200, 60, 250, 180)
+BOTH = (RED, 50, 60, 100, 180), (GREEN, 205, 75, 245, 145)  # red is the larger one
 
 
 def a_click(seq, x_px, y_px, number=1):
