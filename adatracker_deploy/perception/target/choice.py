@@ -23,8 +23,8 @@ BY_CLICK: Rule = "click"
 
 _LEAST_OVERLAP = 0.3
 _AS_LARGE = 0.6
-"""Of the largest area: that of somebody 1.3 times as far away. Of nearer ones, build and stride decide whose box
-is larger, and the robot was pointed at whom it shall follow."""
+"""Of the largest area: that of somebody 1.3 times as far away. Of nearer ones, build and stride decide whose
+box is larger, and the robot was pointed at whom it shall follow."""
 
 
 @dataclass(frozen=True, slots=True)
