@@ -32,6 +32,7 @@ from adatracker_deploy.core.messages import Box, Frame, MaskClass, Observation
 from adatracker_deploy.perception.drawing import MASK_SIZE
 from adatracker_deploy.perception.pipeline import Perception
 from adatracker_deploy.policy.pid import PidPolicy
+from adatracker_deploy.runtime.gate import Setpoint
 from adatracker_deploy.runtime.link import Phase
 from adatracker_deploy.runtime.link_process import LinkProcess
 from adatracker_deploy.runtime.loop import Loop
@@ -147,7 +148,7 @@ def run(case: Case, parts: tuple[str, ...], camera: ReadyCamera, seconds: float,
 
         perception = stack.enter_context(Perception(camera, camera.segment, clock, rate_hz=200.0))
         while perception.newest() is None:
-            link.send(status.sent, clock.now_ns())
+            link.send(Setpoint(status.sent, clock.now_ns()))
             time.sleep(0.01)
         loop = Loop(
             observe=perception.newest,
@@ -159,7 +160,7 @@ def run(case: Case, parts: tuple[str, ...], camera: ReadyCamera, seconds: float,
         )
         gc.collect()
         gc.freeze()
-        link.send(status.sent, clock.now_ns())
+        link.send(Setpoint(status.sent, clock.now_ns()))
         writer_s = cpu_s(log.writer_pid) if log else 0.0
         loop_s, began_s, machine = time.process_time(), time.perf_counter(), machine_ticks()
         ending = loop.run(round(seconds * policy.info.rate_hz))

@@ -34,6 +34,7 @@ from adatracker_deploy.policy.remote import RemotePolicy
 from adatracker_deploy.runtime.black_box import FILE_NAME
 from adatracker_deploy.runtime.dry_run import DryRun
 from adatracker_deploy.runtime.engagement import Engagement
+from adatracker_deploy.runtime.gate import Setpoint
 from adatracker_deploy.runtime.link_process import LinkProcess
 from adatracker_deploy.runtime.loop import Ending, Loop, stopped_by, unless_stopped
 from adatracker_deploy.runtime.operator_stop import StopRequest
@@ -256,10 +257,14 @@ class _Trial:
                     self._tell(f"loop: {obtained()}; link: {obtained(self.link.pid)}")
                 if plan.scheduling.realtime:
                     self._tell(f"cores {'are kept awake' if self.awake else 'may sleep'}")
-                self.link.send(ZERO, self.clock.now_ns())  # the previous steps may have taken a while
+                self._stand()  # the previous steps may have taken a while
                 return loop.run(plan.steps)
         finally:
             gc.unfreeze()
+
+    def _stand(self) -> None:
+        """Ask the robot to stand still from now on."""
+        self.link.send(Setpoint(ZERO, self.clock.now_ns()))
 
     def _await_start(self, start_line: StartLine) -> None:
         """Wait, connected and not engaged, until all robots of the fleet are."""
@@ -277,7 +282,7 @@ class _Trial:
             self.stop.insist()
             if ending := stopped_by(status):
                 return ending
-            self.link.send(ZERO, self.clock.now_ns())
+            self._stand()
             try:
                 seen = unless_stopped(perception.newest, self.link, status)
             except FilmOverError as error:  # not the end of a trial: none had begun

@@ -64,6 +64,12 @@ class Limits:
     """Largest share of the image that the target's box may cover; beyond it the target is too close, and
     forward motion is cut. 0.3 is a person 1.76 m tall and 0.49 m broad, about 0.8 m before a 90 degree
     lens."""
+    largest_others: Annotated[float, Range(0.01, 0.9)] = 0.12
+    """Largest share of the image that the masks of all other people may cover; beyond it forward motion is
+    cut. 0.12 is one such person, about 1.25 m before a 90 degree lens."""
+    passing_s: Annotated[float, Range(0.1, 10)] = 1.0
+    """Forward motion stays cut for this long after other people covered more: whoever has left the image that
+    large is beside the robot."""
     battery_warn: Annotated[float, Range(0.01, 1)] = 0.2
     """State of charge below which a low battery is reported."""
     battery_stop: Annotated[float, Range(0.01, 1)] = 0.1

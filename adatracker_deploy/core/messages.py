@@ -180,6 +180,11 @@ class Observation:
     pick: Pick | None = None
     """None before any click, and from segmenters whose target cannot be chosen."""
 
+    @property
+    def others_share(self) -> float:
+        """The share of the image that other people cover, 0 to 1."""
+        return float((self.mask == MaskClass.PERSON).mean())
+
 
 @dataclass(frozen=True, slots=True)
 class Action:

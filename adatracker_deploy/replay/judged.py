@@ -80,7 +80,8 @@ def judge_again(steps: Sequence[StepRecord], limits: Limits) -> Judgement:
     ticks: list[Judged] = []
     for step, end_ns in zip(steps, ends, strict=True):
         share = step.box.area if step.box else None
-        setpoint, robot = Setpoint(step.command, step.t_ns, share, *_limited_by(step)), _robot(step)
+        setpoint = Setpoint(step.command, step.t_ns, share, *_limited_by(step), step.others_share)
+        robot = _robot(step)
         sent = ZERO
         reasons: set[Reason] = set()
         for now_ns in range(step.t_ns, max(end_ns, step.t_ns + 1), SLOT_NS):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.messages import ZERO
+from adatracker_deploy.runtime.gate import Setpoint
 from adatracker_deploy.runtime.link import Phase
 from adatracker_deploy.runtime.pulse import LINK_LOST
 
@@ -54,7 +55,8 @@ class Engagement:
         airborne = False
         for status in self.statuses(ENGAGE_TIMEOUT_S):
             meanwhile()
-            self._link.send(ZERO, self._clock.now_ns())  # says that somebody still waits for the robot
+            still = Setpoint(ZERO, self._clock.now_ns())
+            self._link.send(still)  # says that somebody still waits for the robot
             if not airborne and not status.state.landed:
                 airborne = True
                 self._tell("airborne")

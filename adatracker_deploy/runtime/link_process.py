@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, Any, Self
 
 from adatracker_deploy.config.limits import Limits
 from adatracker_deploy.core.errors import PlatformError, UsageError, line_of
-from adatracker_deploy.core.messages import Twist
 from adatracker_deploy.platform import Check, Platform
 from adatracker_deploy.runtime.black_box import BlackBox
 from adatracker_deploy.runtime.gate import Setpoint
@@ -116,16 +115,9 @@ class LinkProcess:
         """Request engaging; `status().phase` shows when it is done."""
         self._ask("engage", "")
 
-    def send(
-        self,
-        twist: Twist,
-        now_ns: int,
-        target_share: float | None = None,
-        seen_ns: int | None = None,
-        held_until_ns: int | None = None,
-    ) -> None:
+    def send(self, setpoint: Setpoint) -> None:
         """Publish a set-point; never blocks."""
-        self._setpoints.write(pack_setpoint(Setpoint(twist, now_ns, target_share, seen_ns, held_until_ns)))
+        self._setpoints.write(pack_setpoint(setpoint))
 
     def hold(self, reason: str) -> None:
         """Request a latched stop."""

@@ -10,10 +10,11 @@ import numpy as np
 
 from adatracker_deploy.config.limits import Limits
 from adatracker_deploy.core.errors import PlatformError
-from adatracker_deploy.core.messages import ZERO, TargetState, Twist
+from adatracker_deploy.core.messages import ZERO, TargetState
 from adatracker_deploy.core.record import BY_HAND, BY_POLICY, Latency, Outcome, StepRecord
 from adatracker_deploy.core.task import MAX_LOST_STEPS, target_visible
 from adatracker_deploy.policy.base import STALE_OBSERVATION_S, NoAnswer, Policy, to_twist
+from adatracker_deploy.runtime.gate import Setpoint
 from adatracker_deploy.runtime.link import LinkStatus, Phase
 from adatracker_deploy.runtime.pacer import Pacer, Tick
 from adatracker_deploy.runtime.phase import WAIT, earlier_s
@@ -44,16 +45,8 @@ BY_NOBODY = Wish(False)
 class Commands(Protocol):
     """The loop's side of a link."""
 
-    def send(
-        self,
-        twist: Twist,
-        now_ns: int,
-        target_share: float | None = None,
-        seen_ns: int | None = None,
-        held_until_ns: int | None = None,
-    ) -> None:
-        """Publish a set-point, with the share of the image that the target covers, when it was seen, and
-        until when a dead-man button counts as held."""
+    def send(self, setpoint: Setpoint) -> None:
+        """Publish a set-point."""
 
     def status(self) -> LinkStatus | None:
         """Return what the link did last."""
@@ -140,17 +133,25 @@ class Loop:
                 command = to_twist(action.values, self.policy.info.action, self.limits) if action else ZERO
                 # A late policy is as blind as a camera.
                 seen_ns = seen.frame.t_ns if stale or chooses else acted_on_ns
-            self.link.send(command, tick.t_ns, box.area if box else None, seen_ns, hand.held_until_ns)
+            setpoint = Setpoint(
+                command,
+                tick.t_ns,
+                target_share=box.area if box else None,
+                seen_ns=seen_ns,
+                held_until_ns=hand.held_until_ns,
+                others_share=None if stale else seen.observation.others_share,
+            )
+            self.link.send(setpoint)
             handed_ns = self.clock.now_ns()
             record = _record(
                 step=step,
                 tick=tick,
                 seen=seen,
+                setpoint=setpoint,
                 status=status,
                 action=action,
                 stale=action is None and not chooses,
                 hand=hand,
-                command=command,
                 latency=_latency(tick, seen, infer_ms, handed_ns, action.answer if action else None),
                 missed_deadlines=pacer.missed,
             )
@@ -293,11 +294,11 @@ def _record(
     step: int,
     tick: Tick,
     seen: Seen,
+    setpoint: Setpoint,
     status: LinkStatus,
     action: Action | None,
     stale: bool,
     hand: Wish,
-    command: Twist,
     latency: Latency,
     missed_deadlines: int,
 ) -> StepRecord:
@@ -310,10 +311,11 @@ def _record(
         frame_seq=observation.seq,
         stale=stale,
         box=observation.box if action else None,
+        others_share=setpoint.others_share,
         confidence=observation.confidence if action else 0.0,
         action=tuple(map(float, action.values)) if action else (),
         context=tuple(map(float, action.context)) if action and action.context is not None else (),
-        command=command,
+        command=setpoint.twist,
         driver=BY_HAND if hand.drives else BY_POLICY,
         hand=hand.values,
         mode=state.mode,

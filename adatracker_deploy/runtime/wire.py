@@ -20,7 +20,8 @@ def pack_setpoint(setpoint: Setpoint) -> bytes:
     """Encode a set-point; NaN and infinities survive, so that the gate sees them."""
     return json.dumps(
         [
-            *(setpoint.t_ns, setpoint.target_share, setpoint.seen_ns, setpoint.held_until_ns),
+            *(setpoint.t_ns, setpoint.target_share, setpoint.seen_ns),
+            *(setpoint.held_until_ns, setpoint.others_share),
             *dataclasses.astuple(setpoint.twist),
         ]
     ).encode()
@@ -28,8 +29,8 @@ def pack_setpoint(setpoint: Setpoint) -> bytes:
 
 def unpack_setpoint(message: bytes) -> Setpoint:
     """Decode a set-point."""
-    t_ns, target_share, seen_ns, held_until_ns, *twist = json.loads(message)
-    return Setpoint(Twist(*twist), t_ns, target_share, seen_ns, held_until_ns)
+    *told, vx, vy, vz, yaw_rate = json.loads(message)
+    return Setpoint(Twist(vx, vy, vz, yaw_rate), *told)
 
 
 def pack_status(status: LinkStatus) -> bytes:

@@ -24,7 +24,6 @@ from adatracker_deploy.perception.pipeline import Perception
 from adatracker_deploy.perception.sources import open_source
 from adatracker_deploy.perception.zenoh_session import session_config
 from adatracker_deploy.policy.base import FORWARD_YAW, PolicyInfo
-from adatracker_deploy.runtime.gate import Setpoint
 from adatracker_deploy.runtime.link import RATE_HZ, Link, Phase
 from adatracker_deploy.runtime.loop import Loop
 from adatracker_deploy.testing.fake import FakePlatform, fake_profile
@@ -144,8 +143,8 @@ class Robot:
                 self.moving_s.append(time.monotonic())
             self.reasons.update(status.reasons)
 
-    def send(self, twist, now_ns, target_share=None, seen_ns=None, held_until_ns=None):
-        self._newest = Setpoint(twist, now_ns, target_share, seen_ns)
+    def send(self, setpoint):
+        self._newest = setpoint
 
     def status(self):
         return self._link.status

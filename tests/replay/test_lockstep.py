@@ -61,8 +61,8 @@ class Trial:
         self.link.engage()
         self.clock.link, self.clock.slot_ns = self.link, self.clock.t_ns
 
-    def send(self, twist, now_ns, target_share=None, seen_ns=None, held_until_ns=None):
-        self.setpoint = Setpoint(twist, now_ns, target_share, seen_ns)
+    def send(self, setpoint):
+        self.setpoint = setpoint
 
     def status(self):
         return self.link.status

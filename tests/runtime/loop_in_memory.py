@@ -14,6 +14,7 @@ from adatracker_deploy.core.messages import (
     Answer,
     Box,
     Frame,
+    MaskClass,
     Observation,
     Pick,
     PlatformState,
@@ -29,6 +30,7 @@ from adatracker_deploy.runtime.loop import Ending, Loop
 LIMITS = Limits(forward_m_s=2.0, backward_m_s=1.0, yaw_rate_rad_s=1.0, accel_m_s2=2.0, yaw_accel_rad_s2=4.0)
 BOX = Box(0.5, 0.5, 0.2, 0.6)
 MASK = np.zeros((4, 4), np.uint8)
+MASK[0, 0] = MaskClass.PERSON
 RGB = np.zeros((4, 4, 3), np.uint8)
 STEPS = 100
 FLYING = LinkStatus(Phase.ACTIVE, PlatformState(1, "OFFBOARD", True, False))
@@ -55,6 +57,7 @@ class Rehearsal:
     commands: list[Twist] = field(default_factory=list)
     sent_ns: list[int] = field(default_factory=list)
     shares: list[float | None] = field(default_factory=list)
+    others: list[float | None] = field(default_factory=list)
     sight_ages_s: list[float] = field(default_factory=list)
     records: list = field(default_factory=list)
     asked: int = 0
@@ -94,11 +97,12 @@ class Rehearsal:
 
     def reset(self, seed=0): ...
 
-    def send(self, twist, now_ns, target_share=None, seen_ns=None, held_until_ns=None):
-        self.commands.append(twist)
-        self.sent_ns.append(now_ns)
-        self.shares.append(target_share)
-        self.sight_ages_s.append((now_ns - seen_ns) / 1e9)
+    def send(self, setpoint):
+        self.commands.append(setpoint.twist)
+        self.sent_ns.append(setpoint.t_ns)
+        self.shares.append(setpoint.target_share)
+        self.others.append(setpoint.others_share)
+        self.sight_ages_s.append((setpoint.t_ns - setpoint.seen_ns) / 1e9)
 
     def status(self):
         return self.status_now

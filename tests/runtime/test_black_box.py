@@ -96,7 +96,7 @@ def test_it_outlives_a_link_that_is_killed(tmp_path):
     deadline_s = time.monotonic() + 30
     while link.status().sent.vx < 0.5:
         assert time.monotonic() < deadline_s
-        link.send(Twist(vx=0.5), clock.now_ns())
+        link.send(Setpoint(Twist(vx=0.5), clock.now_ns()))
         clock.sleep_until(clock.now_ns() + 5_000_000)
     driven_ns = link.status().t_ns
     while not (path.exists() and times(path)[-1:] >= [driven_ns]):

@@ -15,6 +15,7 @@ import pytest
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.messages import Twist
+from adatracker_deploy.runtime.gate import Setpoint
 from adatracker_deploy.runtime.link import Phase
 from adatracker_deploy.runtime.link_process import LinkProcess
 from adatracker_deploy.testing.fake import FakeConnection, FakePlatform, fake_profile
@@ -57,7 +58,7 @@ def test_a_whole_drive_through_the_process(link, clock):
     eventually(lambda: in_phase(link, Phase.ACTIVE), "engages")
 
     def moving():
-        link.send(Twist(vx=0.5), clock.now_ns())
+        link.send(Setpoint(Twist(vx=0.5), clock.now_ns()))
         status = link.status()
         return status.sent.vx == 0.5 and status.state.velocity.vx > 0.3
 
@@ -81,7 +82,7 @@ def test_when_the_tracker_falls_silent_it_gives_up_the_robot_by_itself(link, clo
     link.connect()
     link.engage()
     eventually(lambda: in_phase(link, Phase.ACTIVE), "engages")
-    link.send(Twist(vx=0.5), clock.now_ns())
+    link.send(Setpoint(Twist(vx=0.5), clock.now_ns()))
     done = eventually(lambda: in_phase(link, Phase.DONE), "gives up")
     assert done.stopped == "command_lost"
 
@@ -133,6 +134,7 @@ TRACKER = """
 import sys
 from adatracker_deploy.core.messages import Twist
 from adatracker_deploy.core.clock import MonotonicClock
+from adatracker_deploy.runtime.gate import Setpoint
 from adatracker_deploy.runtime.link import Phase
 from adatracker_deploy.runtime.link_process import LinkProcess
 from adatracker_deploy.testing.fake import FakePlatform, fake_profile
@@ -143,7 +145,7 @@ if __name__ == "__main__":
     link.connect()
     link.engage()
     while True:
-        link.send(Twist(vx=0.5), clock.now_ns())
+        link.send(Setpoint(Twist(vx=0.5), clock.now_ns()))
         if link.status().sent.vx == 0.5:
             print(link.pid, flush=True)
         clock.sleep_until(clock.now_ns() + 20_000_000)

@@ -47,6 +47,8 @@ def test_a_stale_observation_is_not_acted_on_and_is_neither_seen_nor_lost():
     assert [record.box for record in rehearsal.records[9:13]] == [BOX, None, None, BOX]
     assert [record.stale for record in rehearsal.records[9:13]] == [False, True, True, False]
     assert rehearsal.shares[9:13] == [pytest.approx(0.12), None, None, pytest.approx(0.12)]
+    assert rehearsal.others[9:13] == [1 / 16, None, None, 1 / 16]
+    assert [record.others_share for record in rehearsal.records[9:13]] == [1 / 16, None, None, 1 / 16]
     assert rehearsal.asked == STEPS + 1 - 2
     assert rehearsal.sight_ages_s[9:13] == pytest.approx([0.02, 0.23, 0.23, 0.02])  # which the gate is told
 

@@ -86,7 +86,7 @@ def test_reads_beside_a_writer_in_another_process_are_never_torn():
 
 @given(numbers, numbers, st.integers(0, 2**62))
 def test_a_setpoint_survives_its_bytes(vx, yaw_rate, t_ns):
-    setpoint = Setpoint(Twist(vx, 0.0, -0.5, yaw_rate), t_ns, seen_ns=t_ns - 1)
+    setpoint = Setpoint(Twist(vx, 0.0, -0.5, yaw_rate), t_ns, 0.1, t_ns - 1, t_ns + 1, 0.2)
     assert unpack_setpoint(pack_setpoint(setpoint)) == setpoint
 
 

@@ -16,10 +16,11 @@ from tests.runtime.loop_in_memory import FLYING, INFO, STEPS, Rehearsal
 class Wired(Rehearsal):
     """Its link judges every set-point 5 ms after it came and sends half of it within 2 ms more."""
 
-    def send(self, twist, now_ns, target_share=None, seen_ns=None, held_until_ns=None):
-        super().send(twist, now_ns, target_share, seen_ns)
+    def send(self, setpoint):
+        super().send(setpoint)
         judged_ns = self.clock.now_ns() + 5_000_000
-        acted = Acted(now_ns, judged_ns, judged_ns + 2_000_000)
+        acted = Acted(setpoint.t_ns, judged_ns, judged_ns + 2_000_000)
+        twist = setpoint.twist
         half = Twist(vx=twist.vx / 2, yaw_rate=twist.yaw_rate / 2)
         self.status_now = replace(FLYING, sent=half, reasons=(f"tick {self.tick}",), acted=acted)
 

@@ -95,8 +95,8 @@ class Rig:
         self.asked += 1
         return Action(np.array([0.5, 0.5], np.float32))
 
-    def send(self, twist, now_ns, target_share=None, seen_ns=None, held_until_ns=None):
-        self.setpoint = Setpoint(twist, now_ns, target_share, seen_ns, held_until_ns)
+    def send(self, setpoint):
+        self.setpoint = setpoint
 
     def status(self):
         return self.link.status
@@ -186,7 +186,7 @@ def test_a_stop_latches_whatever_the_hand_does(happens, outcome):
     assert rig.run(5.0).outcome == outcome
     stopped_ns = rig.records[40].t_ns + SLOT_NS
     for _ in range(50):
-        rig.send(Twist(vx=1.0), rig.clock.now_ns(), held_until_ns=rig.clock.now_ns() + S)
+        rig.send(Setpoint(Twist(vx=1.0), rig.clock.now_ns(), held_until_ns=rig.clock.now_ns() + S))
         rig.clock.sleep_until(rig.clock.now_ns() + SLOT_NS)
     assert {twist for t_ns, twist, _ in rig.sent if t_ns > stopped_ns} == {ZERO}
 

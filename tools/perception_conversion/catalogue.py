@@ -82,3 +82,20 @@ SELFIE = Source(
         "decoding": "The probability that a pixel is a person's, 0 to 1; people are not told apart.",
     },
 )
+
+POSE = Source(
+    name="blazepose-lite",
+    inputs={"input_1": "image"},
+    outputs={"Identity_1": "mask", "Identity_3": "flag"},
+    free={},
+    about={
+        "what": "MediaPipe pose landmarks, lite: which pixels are those of the one person in the middle",
+        "upstream": "https://github.com/google-ai-edge/mediapipe",
+        "licence": "Apache-2.0",
+        "preprocessing": {"colour": "RGB", "values": "0 to 1"},
+        "decoding": (
+            "mask: the probability that a pixel is the person's, 0 to 1; flag: that there is a person. The "
+            "landmarks, which the toolkit does not use, are left out."
+        ),
+    },
+)

@@ -56,7 +56,7 @@ class _Translation:
         return self._graph.without_unused()
 
     def _input(self, node: Node) -> Value:
-        shape = node.attributes["shape"]
+        shape = tuple(1 if length == -1 else length for length in node.attributes["shape"])  # one picture
         name = self._inputs[node.name]
         self._graph.inputs[name] = shape
         return Value(name, shape, tuple(range(len(shape))))
@@ -95,8 +95,11 @@ class _Translation:
         return self._apply("Relu", self._values[node.inputs[0]])
 
     def relu6(self, node: Node) -> Value:
+        return self._clipped(self._values[node.inputs[0]])
+
+    def _clipped(self, value: Value) -> Value:
         bounds = [self._graph.constant(np.array(bound, np.float32)) for bound in (0, 6)]
-        return self._apply("Clip", self._values[node.inputs[0]], *bounds)
+        return self._apply("Clip", value, *bounds)
 
     def sigmoid(self, node: Node) -> Value:
         return self._apply("Sigmoid", self._values[node.inputs[0]])
@@ -190,6 +193,27 @@ class _Translation:
         kernel = weights.shape[2:]
         return self._slide("Conv", node, value, kernel, weights.shape[0], weight, group=groups)
 
+    def fused_convolution(self, node: Node) -> Value:
+        return self._activated(node, self.convolution(node))
+
+    def fused_depthwise_convolution(self, node: Node) -> Value:
+        return self._activated(node, self.depthwise_convolution(node))
+
+    def _activated(self, node: Node, value: Value) -> Value:
+        """Apply what the exporter has put into a convolution: its bias, and perhaps an activation."""
+        fused = node.attributes["fused_ops"]
+        if fused not in (["BiasAdd"], ["BiasAdd", "Relu6"], ["BiasAdd", "Relu"]):
+            raise ValueError(f"{node.name}: {fused} within a convolution is not translated here")
+        bias = self._constants[node.inputs[2]].reshape(1, -1, 1, 1)
+        value = self._apply("Add", value, self._graph.constant(bias))
+        match fused[1:]:
+            case ["Relu6"]:
+                return self._clipped(value)
+            case ["Relu"]:
+                return self._apply("Relu", value)
+            case _:
+                return value
+
     def max_pool(self, node: Node) -> Value:
         value = self._picture(node.inputs[0])
         return self._slide("MaxPool", node, value, node.attributes["ksize"][1:3], value.shape[1])
@@ -246,6 +270,7 @@ _TRANSLATED: dict[str, Callable[[_Translation, Node], Value | list[Value]]] = {
     "Conv2D": _Translation.convolution,
     "Conv2DBackpropInput": _Translation.transposed_convolution,
     "DepthwiseConv2dNative": _Translation.depthwise_convolution,
+    "FusedDepthwiseConv2dNative": _Translation.fused_depthwise_convolution,
     "Identity": _Translation.identity,
     "LeakyRelu": _Translation.leaky_relu,
     "MaxPool": _Translation.max_pool,
@@ -259,4 +284,5 @@ _TRANSLATED: dict[str, Callable[[_Translation, Node], Value | list[Value]]] = {
     "Sigmoid": _Translation.sigmoid,
     "SplitV": _Translation.split,
     "Transpose": _Translation.transpose,
+    "_FusedConv2D": _Translation.fused_convolution,
 }

@@ -8,7 +8,7 @@ from adatracker_deploy.config.limits import Limits
 from adatracker_deploy.core.messages import PlatformState, Twist
 from adatracker_deploy.runtime.gate.place import rest_height_m
 from adatracker_deploy.runtime.gate.reasons import Reason
-from adatracker_deploy.runtime.gate.state import GateState
+from adatracker_deploy.runtime.gate.state import GateState, Setpoint
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,12 +64,20 @@ def ramped(limits: Limits, state: GateState, now_ns: int) -> float:
     return min((now_ns - state.moving_ns) / 1e9 / limits.ramp_s, 1.0)
 
 
-def too_close(limits: Limits, state: GateState, target_share: float | None) -> bool:
-    """Return whether the target is too close; while it is not seen, or its size is NaN, the last answer
-    holds."""
-    if target_share is None:
-        return state.close
-    return Reason.TOO_CLOSE not in limits.switched_off and not target_share <= limits.largest_target
+def nearing(limits: Limits, state: GateState, setpoint: Setpoint, now_ns: int) -> GateState:
+    """Return the state with who is too close: the target, while it is not seen as it was last; others."""
+    if Reason.TOO_CLOSE in limits.switched_off:
+        return state
+    if setpoint.target_share is not None:
+        state = replace(state, close=not setpoint.target_share <= limits.largest_target)
+    if setpoint.others_share is not None and not setpoint.others_share <= limits.largest_others:
+        state = replace(state, crowded_ns=now_ns)
+    return state
+
+
+def _too_close(limits: Limits, state: GateState, now_ns: int) -> bool:
+    passing = state.crowded_ns is not None and (now_ns - state.crowded_ns) / 1e9 < limits.passing_s
+    return state.close or passing
 
 
 def narrowed(
@@ -79,7 +87,8 @@ def narrowed(
     cuts."""
     full = Envelope.of(limits)
     ramp = full.times(ramped(limits, state, now_ns))
-    near = replace(ramp, forward=0.0) if state.close else ramp  # turning and backing away stay allowed
+    close = _too_close(limits, state, now_ns)
+    near = replace(ramp, forward=0.0) if close else ramp  # turning and backing away stay allowed
     return (
         (Reason.ENVELOPE, full),
         (Reason.RAMP, ramp),

@@ -8,7 +8,7 @@ from itertools import chain
 
 from adatracker_deploy.config.limits import Limits
 from adatracker_deploy.core.messages import ZERO, PlatformState
-from adatracker_deploy.runtime.gate.envelope import too_close
+from adatracker_deploy.runtime.gate.envelope import nearing
 from adatracker_deploy.runtime.gate.monitor import command_stops, stops, warnings
 from adatracker_deploy.runtime.gate.move import move
 from adatracker_deploy.runtime.gate.reasons import Reason
@@ -43,7 +43,7 @@ def judge(
     silence_s = max(age_s, pause_s)  # a gate that did not judge let nothing pass, however fresh it is now
     warned = warnings(limits, robot)
     state = _heard(limits, state, robot, now_ns)
-    state = replace(state, close=too_close(limits, state, setpoint.target_share))
+    state = nearing(limits, state, setpoint, now_ns)
     stop = state.stop or next(
         chain(stops(limits, state, robot, now_ns), command_stops(limits, setpoint, silence_s)), None
     )

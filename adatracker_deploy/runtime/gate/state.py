@@ -35,6 +35,8 @@ class Setpoint:
     """Capture time of the frame it is based on; None for a command not based on a frame."""
     held_until_ns: int | None = None
     """When the dead-man button no longer counts as held; None where no such button limits the command."""
+    others_share: float | None = None
+    """The share of the image that other people cover, 0 to 1; None where no image tells."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +76,8 @@ class GateState:
     """The robot has reported its battery charge."""
     close: bool = False
     """The target was too close when it was last seen."""
+    crowded_ns: int | None = None
+    """When other people were last too close; None before."""
     stop: Stop | None = None
     """The latched stop; None without one."""
 

@@ -63,11 +63,14 @@ class Gate:
         dt_s: float = STEP_S,
         age_s: float = 0.0,
         share: float | None = None,
+        others: float | None = None,
         **robot,
     ) -> Verdict:
         """Let `dt_s` pass, then ask for `twist` (None: nothing was ever asked), `age_s` old by then."""
         self.now_ns += round(dt_s * 1e9)
-        setpoint = Setpoint(twist, self.now_ns - round(age_s * 1e9), share) if twist else None
+        setpoint = None
+        if twist:
+            setpoint = Setpoint(twist, self.now_ns - round(age_s * 1e9), share, others_share=others)
         state = replace(WELL, **{"t_ns": self.now_ns} | robot)
         self.state, verdict = judge(self.limits, self.state, setpoint, state, self.now_ns)
         return verdict

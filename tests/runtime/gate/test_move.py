@@ -123,9 +123,36 @@ def test_a_target_that_was_too_close_and_is_not_seen_is_still_too_close():
     assert gate.cruise(Twist(1.0)).twist.vx == 1.0
 
 
+def test_other_people_who_are_too_close_stop_forward_motion_as_the_target_does():
+    gate = Gate()
+    assert gate.cruise(Twist(1.0, yaw_rate=0.5), others=0.12).twist.vx == 1.0
+    verdict = gate.ask(Twist(1.0, yaw_rate=0.5), others=0.121, share=0.05)
+    assert (verdict.twist, verdict.reasons[0]) == (Twist(0.0, yaw_rate=0.5), Reason.TOO_CLOSE)
+
+
+@pytest.mark.parametrize("seen", [0.0, None], ids=["out of the picture", "no picture"])
+def test_who_was_too_close_and_is_out_of_the_picture_is_beside_the_robot_for_a_second(seen):
+    gate = Gate()
+    gate.cruise(Twist(1.0), others=0.2)
+    assert gate.cruise(Twist(1.0), seconds=0.96, others=seen).twist.vx == 0.0
+    assert gate.cruise(Twist(1.0), others=seen).twist.vx == 1.0
+
+
+def test_the_second_begins_anew_with_everybody_who_comes_too_close():
+    gate = Gate()
+    for _ in range(4):
+        gate.ask(Twist(1.0), others=0.2)
+        assert gate.cruise(Twist(1.0), seconds=0.9, others=0.0).twist.vx == 0.0
+
+
+@pytest.mark.parametrize("others", [math.nan, math.inf])
+def test_a_share_of_others_that_is_no_number_is_too_close(others):
+    assert Gate().cruise(Twist(1.0), others=others).twist.vx == 0.0
+
+
 def test_a_gate_that_goes_without_it_lets_the_robot_come_as_near_as_it_likes():
     gate = Gate(switched_off=("too_close",))
-    assert gate.cruise(Twist(1.0), share=0.9).twist.vx == 1.0
+    assert gate.cruise(Twist(1.0), share=0.9, others=0.9).twist.vx == 1.0
     assert gate.cruise(Twist(1.0)).twist.vx == 1.0
 
 
