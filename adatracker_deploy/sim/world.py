@@ -42,6 +42,9 @@ if TYPE_CHECKING:
 PERSON_RADIUS_M = 0.3
 """Half the width of a person, for collisions and for keeping apart."""
 
+HEADROOM_M = 0.5
+"""Height above people's heads below which they avoid a robot; more than any body's radius in `collides`."""
+
 _STRIDE_S = 0.1
 """Longest interval between people's decisions where to walk, however rarely the world is stepped."""
 
@@ -270,7 +273,7 @@ class World:
     def _room(self, robot: Pose | None, *, skip: int | None) -> Clearance:
         """Return the clearance of a person who avoids obstacles, the robot and everybody else."""
         bodies = [(walker.x, walker.y) for index, walker in enumerate(self._walkers) if index != skip]
-        if robot is not None and robot.z < self.ground_z(robot.x, robot.y) + HEIGHT_M:
+        if robot is not None and robot.z < self.ground_z(robot.x, robot.y) + HEIGHT_M + HEADROOM_M:
             bodies.append((robot.x, robot.y))
         if not bodies:
             return self._walkable.clearance

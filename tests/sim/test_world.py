@@ -89,12 +89,14 @@ def test_nobody_walks_through_things_or_through_anybody(name, seed, path):
         assert apart.min() >= BERTH_M
 
 
-def test_the_target_does_not_walk_through_a_robot_that_blocks_its_way():
+@pytest.mark.parametrize("height_m", [0.0, 1.72, 2.0], ids=["on the ground", "head", "just above"])
+def test_the_target_does_not_walk_through_a_robot_that_blocks_its_way(height_m):
     world = World("simple_room", seed=3, obstacles=False)
     x, y = world.target_xy
-    robot = world.start @ Pose(x=4.5)
+    robot = world.start @ Pose(x=4.5, z=height_m)
     for _ in range(60):
         world.step(0.1, robot)
+        assert not world.collides(robot.x, robot.y, robot.z, 0.3)
     assert robot.distance_to(*world.target_xy) >= BERTH_M
     overhead = Pose(robot.x, robot.y, 2.5)
     for _ in range(60):
