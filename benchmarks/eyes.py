@@ -1,6 +1,6 @@
 """The eyes in rendered worlds, where the truth of every pixel is known, beside real footage.
 
-python benchmarks/eyes.py [--data DIR] [--scale] [--quality] [--seed S]
+python benchmarks/eyes.py [--data DIR] [--scale] [--quality] [--masks] [--seed S]
 
 DIR is `benchmarks/perception.py`'s. Without it there is no column of real footage.
 
@@ -8,6 +8,7 @@ DIR is `benchmarks/perception.py`'s. Without it there is no column of real foota
   is looked at with several input sides, so that heights and people are independent.
 * quality: recall by height in the picture, the score's distribution, and how the best box jitters about the
   true one: the standard deviation of its centre and of its height, shares of the true height.
+* masks: the IoU of what each mask head cuts out of the best box, in a mask of 160 px, rendered people alone.
 """
 
 from __future__ import annotations
@@ -28,8 +29,11 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 from adatracker_deploy.core.geometry import Pose
 from adatracker_deploy.core.messages import MaskClass
 from adatracker_deploy.perception.boxes import overlap
+from adatracker_deploy.perception.drawing import MASK_SIZE
 from adatracker_deploy.perception.jpeg import developed
 from adatracker_deploy.perception.models.nanodet import SCORE, NanoDet
+from adatracker_deploy.perception.models.pose import PoseMasks
+from adatracker_deploy.perception.models.selfie import SelfieMasks
 from adatracker_deploy.perception.weights import shipped
 from adatracker_deploy.sim import World, scene_names
 from adatracker_deploy.sim.studio import Eye
@@ -48,6 +52,8 @@ class Shown:
 
     picture: np.ndarray
     box: np.ndarray
+    mask: np.ndarray | None = None
+    """True; None on footage."""
 
     @property
     def tall_px(self) -> float:
@@ -59,11 +65,12 @@ def main() -> None:
     parser.add_argument("--data", type=Path)
     parser.add_argument("--scale", action="store_true")
     parser.add_argument("--quality", action="store_true")
+    parser.add_argument("--masks", action="store_true")
     parser.add_argument("--people", type=int, default=400, metavar="N", help="pictures of each kind")
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
     cv2.setNumThreads(1)
-    if arguments.scale or arguments.quality:
+    if arguments.scale or arguments.quality or arguments.masks:
         kinds = {"rendered": list(itertools.islice(rendered(arguments.seed), arguments.people))}
         if arguments.data:
             kinds["PETS09-S2L1"] = list(itertools.islice(filmed(arguments.data), arguments.people))
@@ -71,6 +78,8 @@ def main() -> None:
             print_scale(kinds)
         if arguments.quality:
             print_quality(kinds)
+        if arguments.masks:
+            print_masks(kinds["rendered"])
 
 
 def rendered(seed: int) -> Iterator[Shown]:
@@ -94,7 +103,8 @@ def rendered(seed: int) -> Iterator[Shown]:
             rows, columns = np.nonzero(frame.truth.mask == MaskClass.TARGET)
             if len(rows) and columns.min() > 0 and rows.min() > 0 and rows.max() < frame.rgb.shape[0] - 1:
                 corners = columns.min(), rows.min(), columns.max() + 1, rows.max() + 1
-                yield Shown(frame.rgb, np.array(corners, np.float32))
+                mask = frame.truth.mask == MaskClass.TARGET
+                yield Shown(frame.rgb, np.array(corners, np.float32), mask)
 
 
 def filmed(data: Path) -> Iterator[Shown]:
@@ -171,6 +181,32 @@ def print_quality(kinds: dict[str, list[Shown]]) -> None:
             print(f"  score, p10 p50 p90: {quantiles}")
             aside, tall = np.nanstd(centre[seen]), np.nanstd(height[seen])
             print(f"  jitter of the centre {aside:.3f}, of the height {tall:.3f}")
+
+
+def print_masks(people: list[Shown]) -> None:
+    detector = NanoDet(shipped("nanodet_g_int8.onnx"), ("person",), score=0.2)
+    selfie = SelfieMasks(shipped("selfie_segmentation.onnx"))
+    heads = {"selfie": selfie, "pose": PoseMasks(shipped("pose_landmark_lite.onnx"), selfie)}
+    rows = []
+    for shown in people:
+        _, box = best(detector, shown, shown.tall_px / max(shown.picture.shape[:2]))
+        if box is None:
+            continue
+        size = (MASK_SIZE, MASK_SIZE)
+        true = cv2.resize(shown.mask.astype(np.float32), size, interpolation=cv2.INTER_AREA) >= 0.5
+        cut = [head(shown.picture, box[None], MASK_SIZE)[0] for head in heads.values()]
+        rows.append((shown.tall_px, *((mask & true).sum() / (mask | true).sum() for mask in cut)))
+    tall, *ious = np.array(rows).T
+    print("\nmask IoU by height, px         " + "".join(f"{name:>8}" for name in heads) + "  people")
+    for low, high in ((0, 80), (80, 160), (160, 240), (240, 480), (0, 480)):
+        those = (tall >= low) & (tall < high)
+        if those.sum() > 4:
+            print(
+                f"  {low:3d} to {high:3d}"
+                + " " * 20
+                + "".join(f"{iou[those].mean():8.3f}" for iou in ious)
+                + f"{those.sum():8d}"
+            )
 
 
 def _off(found: np.ndarray, true: np.ndarray) -> tuple[float, float]:

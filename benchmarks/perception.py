@@ -31,6 +31,7 @@ import itertools
 import os
 import threading
 import time
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -42,6 +43,7 @@ from adatracker_deploy.core.messages import Frame
 from adatracker_deploy.perception.boxes import overlap
 from adatracker_deploy.perception.capture import Capture
 from adatracker_deploy.perception.models.nanodet import SIDE, NanoDet
+from adatracker_deploy.perception.models.pose import PoseMasks
 from adatracker_deploy.perception.models.selfie import SelfieMasks
 from adatracker_deploy.perception.pipeline import Perception
 from adatracker_deploy.perception.segmenters import EMBEDDED, open_segmenter
@@ -244,7 +246,9 @@ def print_speed(videos: Path) -> None:
     print("frame of 640x480 to observation, two cores    p50 ms   p95 ms   CPU ms     Hz   target seen")
     for video in sorted(videos.iterdir()):
         detector = NanoDet(shipped("nanodet_g_int8.onnx"), ("person", "obstacles"))
-        segmenter = TargetSegmenter(detector, SelfieMasks(shipped("selfie_segmentation.onnx")), Choice())
+        selfie = SelfieMasks(shipped("selfie_segmentation.onnx"))
+        heads = PoseMasks(shipped("pose_landmark_lite.onnx"), selfie)
+        segmenter = TargetSegmenter(detector, heads, Choice())
         times_ms, cpu_ms, seen = [], [], 0
         for number, picture in enumerate(pictures(video, (640, 480))):
             began, cpu = time.perf_counter(), time.process_time()
@@ -260,13 +264,18 @@ def print_speed(videos: Path) -> None:
     print("model alone, one thread                       p50 ms   p95 ms")
     picture = next(pictures(sorted(videos.iterdir())[0], (640, 480)))
     box = np.array([[200, 100, 320, 440]], np.float32)
-    heads = SelfieMasks(shipped("selfie_segmentation.onnx"))
+    selfie = SelfieMasks(shipped("selfie_segmentation.onnx"))
+    heads = {
+        "pose landmarks, the target": PoseMasks(shipped("pose_landmark_lite.onnx"), selfie),
+        "selfie segmentation, a person": selfie,
+    }
     alone = {
         f"NanoDet-g {kind} at {side}": NanoDet(shipped(f"nanodet_g_{kind}.onnx"), ("person",), side=side)
         for kind in ("int8", "fp32")
         for side in (416, 320)
     }
-    for name, run in {**alone, "selfie segmentation, a person": lambda shown: heads(shown, box, 160)}.items():
+    cut_out = {name: partial(head, boxes=box, size=160) for name, head in heads.items()}
+    for name, run in {**alone, **cut_out}.items():
         times_ms = []
         for _ in range(60):
             began = time.perf_counter()

@@ -85,6 +85,7 @@ def _of_pictures(
     from adatracker_deploy.perception.models.catalogue import open_model
     from adatracker_deploy.perception.models.grounding_dino import GroundingDino
     from adatracker_deploy.perception.models.nanodet import SCORE, NanoDet
+    from adatracker_deploy.perception.models.pose import PoseMasks
     from adatracker_deploy.perception.models.sam2 import Sam2Propagator
     from adatracker_deploy.perception.models.selfie import SelfieMasks
     from adatracker_deploy.perception.target.first_sight import LEAST_SCORE
@@ -100,7 +101,8 @@ def _of_pictures(
         raise UsageError(
             f"segmenter {name}: follows a mask and does not detect people: give it as --propagator"
         )
-    heads = SelfieMasks(shipped("selfie_segmentation.onnx"), providers=where)
+    others = SelfieMasks(shipped("selfie_segmentation.onnx"), providers=where)
+    heads = PoseMasks(shipped("pose_landmark_lite.onnx"), others, providers=where)
     follower = None if propagator is None else open_model(propagator, (), providers)
     if not (follower is None or isinstance(follower, Sam2Propagator)):
         raise UsageError(

@@ -154,6 +154,35 @@ def test_a_depthwise_convolution_keeps_channels_apart():
     np.testing.assert_allclose(run(translated(tiny), array)[0], wanted, atol=1e-5)
 
 
+@pytest.mark.parametrize(
+    ("fused", "bounds"),
+    [(["BiasAdd"], None), (["BiasAdd", "Relu"], (0, None)), (["BiasAdd", "Relu6"], (0, 6))],
+)
+def test_a_convolution_has_the_bias_and_the_activation_that_the_exporter_put_into_it(fused, bounds):
+    tiny = TinyModel()
+    tiny.input("in", -1, 5, 6, 3)  # any number of pictures: one
+    tiny.constant("kernel", drawn(3, 3, 3, 4))
+    tiny.constant("bias", drawn(4, seed=1))
+    tiny.add(
+        "_FusedConv2D",
+        "out",
+        "in",
+        "kernel",
+        "bias",
+        strides=ONE,
+        padding="VALID",
+        dilations=ONE,
+        fused_ops=fused,
+    )
+    graph = fold_biases(translated(tiny))
+    assert graph.inputs == {"image": (1, 5, 6, 3)}
+    array = 4 * drawn(1, 5, 6, 3, seed=2)
+    wanted = convolved(array[0], drawn(3, 3, 3, 4)) + drawn(4, seed=1)
+    if bounds:
+        wanted = wanted.clip(*bounds)
+    np.testing.assert_allclose(run(graph, array)[0], wanted, atol=1e-4)
+
+
 def test_a_transposed_convolution_is_the_adjoint_of_the_convolution():
     def model(op: str, shape, *inputs: str):
         tiny = TinyModel()
@@ -218,6 +247,7 @@ def test_a_picture_of_any_size_passes_through_resizing_and_reshaping():
         ("ResizeBilinear", {"align_corners": True}, "odd: only half-pixel centres"),
         ("Conv2D", {"dilations": [1, 2, 2, 1], "strides": ONE, "padding": "SAME"}, "odd: dilated"),
         ("Conv2D", {"strides": ONE, "padding": "EXPLICIT"}, "padding EXPLICIT"),
+        ("_FusedConv2D", {"strides": ONE, "padding": "SAME", "fused_ops": ["BiasAdd", "Elu"]}, "Elu"),
     ],
 )
 def test_what_is_not_translated_is_refused_by_name(op, attributes, complaint):

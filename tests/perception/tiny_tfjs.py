@@ -53,5 +53,7 @@ def encoded(value) -> dict:
             return {"f": value}
         case str():
             return {"s": base64.b64encode(value.encode()).decode()}
+        case [str(), *_]:
+            return {"list": {"s": [encoded(item)["s"] for item in value]}}
         case _:
             return {"list": {"i": [str(item) for item in value]}}

@@ -9,7 +9,7 @@ import onnx
 
 from perception_conversion import index, package
 from perception_conversion.calibration import calibration_inputs
-from perception_conversion.catalogue import NANODET, SELFIE, Source
+from perception_conversion.catalogue import NANODET, POSE, SELFIE, Source
 from perception_conversion.fold import fold_biases, fold_paddings, store_halves
 from perception_conversion.graph import OnnxGraph, Shape
 from perception_conversion.quantise import quantise
@@ -25,10 +25,11 @@ def convert(tarball: Path, videos: Sequence[Path], per_video: int, out: Path) ->
     Raises:
         UsageError: the tarball or a video cannot be used.
     """
-    nanodet, selfie = (folded(source, tarball) for source in (NANODET, SELFIE))
+    nanodet, selfie, pose = (folded(source, tarball) for source in (NANODET, SELFIE, POSE))
     out.mkdir(parents=True, exist_ok=True)
     _save(store_halves(nanodet).model("nanodet_g"), out / "nanodet_g_fp32.onnx")
     _save(store_halves(selfie).model("selfie_segmentation"), out / "selfie_segmentation.onnx")
+    _save(store_halves(pose).model("pose_landmark_lite"), out / "pose_landmark_lite.onnx")
     small = quantise(nanodet.model("nanodet_g"), calibration_inputs(videos, per_video))
     _save(small, out / "nanodet_g_int8.onnx")
 
@@ -43,6 +44,7 @@ def convert(tarball: Path, videos: Sequence[Path], per_video: int, out: Path) ->
             NANODET, out, {"nanodet_g_int8.onnx": quantised, "nanodet_g_fp32.onnx": _FLOAT}
         ),
         "selfie_segmentation": index.entry(SELFIE, out, {"selfie_segmentation.onnx": _FLOAT}),
+        "pose_landmark_lite": index.entry(POSE, out, {"pose_landmark_lite.onnx": _FLOAT}),
     }
     (out / "models.yaml").write_text(index.text(models))
     return [out / name for model in models.values() for name in model["files"]] + [out / "models.yaml"]

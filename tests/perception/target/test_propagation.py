@@ -231,6 +231,7 @@ def test_by_name_every_part_says_where_it_runs(sam2_file, tmp_path):
     segmenter, line = open_segmenter("embedded", "person", Choice(), propagator=sam2_file)
     assert [part.split()[0] for part in line.split("; ")] == [
         "nanodet_g_int8.onnx",
+        "pose_landmark_lite.onnx",
         "selfie_segmentation.onnx",
         *(
             f"{graph}.onnx"

@@ -1,0 +1,116 @@
+"""The target is cut out by the network that knows one person; others, and whom it doubts, by the other."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import MaskClass
+from adatracker_deploy.perception.jpeg import developed
+from adatracker_deploy.perception.models.model_file import read_model_file
+from adatracker_deploy.perception.models.pose import SURE, PoseMasks
+from adatracker_deploy.perception.models.selfie import SelfieMasks
+from adatracker_deploy.perception.weights import shipped
+from adatracker_deploy.sim import World, scene_names
+from adatracker_deploy.sim.studio import Eye
+from tests.perception.models import graphs
+from tests.perception.models.test_selfie import SIZE, person, within_a_cell
+
+REDDISH = """
+pose (float[1,256,256,3] image) => (float[1,256,256,1] mask, float[1,1] flag) {
+    red = Slice(image, b, e, axis)
+    lit = Greater(red, level)
+    mask = Cast<to = 1>(lit)
+    flag = Identity(sure)
+}"""
+BRIGHT = """
+selfie (float[1,256,256,3] image) => (float[1,256,256,1] mask) {
+    grey = ReduceMean<axes = [3], keepdims = 1>(image)
+    lit = Greater(grey, level)
+    mask = Cast<to = 1>(lit)
+}"""
+SHAPE, LEFT, RIGHT = (240, 400), (50, 60, 110, 180), (230, 60, 290, 180)
+
+
+def heads(folder, sure=1.0, text=REDDISH):
+    """Return a head that cuts out what is red, as sure as it is told; the other cuts out what is bright."""
+    axis = {"b": np.array([0]), "e": np.array([1]), "axis": np.array([3])}
+    graphs.save(
+        folder / "pose.onnx", text, axis | {"level": np.float32(0.2), "sure": np.array([[sure]], np.float32)}
+    )
+    graphs.save(folder / "selfie.onnx", BRIGHT, {"level": np.float32(0.5)})
+    return PoseMasks(
+        read_model_file(folder / "pose.onnx"), SelfieMasks(read_model_file(folder / "selfie.onnx"))
+    )
+
+
+def red(*boxes):
+    picture = np.zeros((*SHAPE, 3), np.uint8)
+    for left, top, right, bottom in boxes:
+        picture[top:bottom, left:right] = (200, 0, 0)  # not bright
+    return picture
+
+
+def test_the_first_is_cut_out_by_the_one_and_the_others_by_the_other(tmp_path):
+    boxes = np.array([LEFT, RIGHT], np.float32)
+    first, other = heads(tmp_path)(red(LEFT, RIGHT), boxes, SIZE)
+    within_a_cell(first, LEFT, SHAPE)
+    assert not other.any()
+
+
+@pytest.mark.parametrize(("sure", "cut_out"), [(SURE + 0.01, True), (SURE - 0.01, False)])
+def test_whom_the_network_doubts_the_other_cuts_out(tmp_path, sure, cut_out):
+    (mask,) = heads(tmp_path, sure)(red(LEFT), np.array([LEFT], np.float32), SIZE)
+    assert mask.any() == cut_out
+    bright = person(SHAPE, LEFT)
+    (mask,) = heads(tmp_path, sure)(bright, np.array([LEFT], np.float32), SIZE)
+    within_a_cell(mask, LEFT, SHAPE)
+
+
+def test_nobody_has_no_mask(tmp_path):
+    assert heads(tmp_path)(red(), np.empty((0, 4), np.float32), SIZE).shape == (0, SIZE, SIZE)
+
+
+def test_a_network_that_does_not_say_how_sure_it_is_is_refused(tmp_path):
+    with pytest.raises(UsageError, match="has no output 'flag'"):
+        heads(tmp_path, text=REDDISH.replace("flag", "score"))
+
+
+def rendered(count):
+    """Yield pictures of people in all scenes, seen from everywhere, with their true masks and boxes."""
+    rng = np.random.default_rng(8)
+    for number in itertools.islice(itertools.cycle(range(len(scene_names()))), count):
+        world = World(scene_names()[number], seed=number, obstacles=False)
+        (x, y), around, up_m = world.target_xy, rng.uniform(-math.pi, math.pi), rng.uniform(0.4, 2.0)
+        away_m = rng.uniform(2.0, 4.0)
+        camera = Pose(
+            x - away_m * math.cos(around),
+            y - away_m * math.sin(around),
+            world.ground_z(x, y) + up_m,
+            pitch=math.atan2(up_m - 0.9, away_m),
+            yaw=around,
+        )
+        frame = developed(Eye(world, math.radians(90.0), seed=number).take(0, 0, camera, camera))
+        mask = frame.truth.mask == MaskClass.TARGET
+        rows, columns = np.nonzero(mask)
+        yield frame.rgb, mask, (columns.min(), rows.min(), columns.max() + 1, rows.max() + 1)
+
+
+def test_the_shipped_networks_cut_rendered_people_out_and_the_pose_landmarks_finer(measured):
+    selfie = SelfieMasks(shipped("selfie_segmentation.onnx"))
+    found = {"selfie": selfie, "pose": PoseMasks(shipped("pose_landmark_lite.onnx"), selfie)}
+    ious = {name: [] for name in found}
+    for picture, true, box in rendered(10):
+        for name, head in found.items():
+            (mask,) = head(picture, np.array([box], np.float32), 160)
+            seen = mask.repeat(3, axis=0).repeat(4, axis=1)
+            ious[name].append((seen & true).sum() / (seen | true).sum())
+    means = {name: float(np.mean(values)) for name, values in ious.items()}
+    measured(f"mask IoU of ten rendered people: selfie {means['selfie']:.3f}, pose {means['pose']:.3f}")
+    assert means["pose"] > 0.88
+    assert means["pose"] > means["selfie"]
