@@ -54,11 +54,11 @@ def test_they_keep_up_with_a_camera_whose_rate_is_a_little_off(camera_hz):
     assert waited[-100:].max() < 0.012
 
 
-@pytest.mark.parametrize("jitter_s", [0.006, 0.020])
+@pytest.mark.parametrize("jitter_s", [0.006, 0.020, 0.035])
 def test_a_perception_whose_time_varies_never_makes_them_act_on_the_observation_before(jitter_s):
     _, waited = ticks(20.0, 0.02, jitter_s)
     assert abs(np.median(waited[-200:])) < 0.005
-    assert waited[-200:].max() < jitter_s
+    assert waited[-200:].max() < jitter_s + 0.001
 
 
 @given(st.floats(3.0, 120.0), st.floats(0.0, 0.1), st.floats(0.0, 0.05), st.integers(0, 9))
