@@ -13,8 +13,8 @@ MOST = 0.02
 """By how much of a period one slot may be moved: so the rate is kept within two per cent, whatever comes."""
 WAIT = 0.3
 """Share of a period that a tick may wait in its slot for a due observation. Perception's time varies:
-without the wait, every third tick acted on the observation before, a whole camera's period older. To wait longer
-costs less than that: with 0.15, these were the slowest of a hundred ticks from sensor to command."""
+without the wait, every third tick acted on the observation before, a whole camera's period older. To wait
+longer costs less than that: with 0.15, these were the slowest of a hundred ticks from sensor to command."""
 
 
 def earlier_s(seen: Seen, slot_ns: int, period_s: float) -> float:
