@@ -107,5 +107,7 @@ def test_the_offline_recipes_expert_can_be_cloned_without_knowing_the_lag():
     """It feeds the body's velocity back less than once, on any of the recipe's bodies."""
     recipe = load_recipe("offline")
     assert recipe.expert.lead * (1 / lag_share(recipe.lag_s.high, 1 / RATE_HZ) - 1) < 1
-    same = {"name": "", "description": "", "steps": 1, "expert": DEFAULT_GAINS}
-    assert replace(recipe, **same) == replace(load_recipe("deploy"), **same)
+    deploy = load_recipe("deploy")
+    assert recipe.height_m.high > deploy.height_m.high
+    same = {"name": "", "description": "", "steps": 1, "expert": DEFAULT_GAINS, "height_m": deploy.height_m}
+    assert replace(recipe, **same) == replace(deploy, **same)
