@@ -75,7 +75,7 @@ def test_the_segmenter_is_timed_unless_it_is_a_rehearsals(doctor):
     _, found, _ = doctor("--segmenter", "embedded")
     timing = of_part(found, "timing")
     assert "640x480 takes p50" in timing["perception"]["message"]
-    assert timing["perception"]["message"].count(" on cpu") == 2  # a detector and a mask head
+    assert timing["perception"]["message"].count(" on cpu") == 3  # a detector and two mask heads
     assert timing["policy"]["message"].startswith("on cpu a tick takes p50")
 
 
