@@ -34,6 +34,7 @@ from adatracker_deploy.perception.jpeg import developed
 from adatracker_deploy.perception.models.nanodet import SCORE, NanoDet
 from adatracker_deploy.perception.models.pose import PoseMasks
 from adatracker_deploy.perception.models.selfie import SelfieMasks
+from adatracker_deploy.perception.roles import MaskHead
 from adatracker_deploy.perception.weights import shipped
 from adatracker_deploy.sim import World, scene_names
 from adatracker_deploy.sim.studio import Eye
@@ -183,6 +184,14 @@ def print_quality(kinds: dict[str, list[Shown]]) -> None:
             print(f"  jitter of the centre {aside:.3f}, of the height {tall:.3f}")
 
 
+def mask_iou(head: MaskHead, shown: Shown, box: np.ndarray) -> float:
+    """Return the IoU of what a head cuts out of a box with the true mask, in masks of `MASK_SIZE`."""
+    size = (MASK_SIZE, MASK_SIZE)
+    true = cv2.resize(shown.mask.astype(np.float32), size, interpolation=cv2.INTER_AREA) >= 0.5
+    (mask,) = head(shown.picture, box[None], MASK_SIZE)
+    return float((mask & true).sum() / (mask | true).sum())
+
+
 def print_masks(people: list[Shown]) -> None:
     detector = NanoDet(shipped("nanodet_g_int8.onnx"), ("person",), score=0.2)
     selfie = SelfieMasks(shipped("selfie_segmentation.onnx"))
@@ -190,12 +199,8 @@ def print_masks(people: list[Shown]) -> None:
     rows = []
     for shown in people:
         _, box = best(detector, shown, shown.tall_px / max(shown.picture.shape[:2]))
-        if box is None:
-            continue
-        size = (MASK_SIZE, MASK_SIZE)
-        true = cv2.resize(shown.mask.astype(np.float32), size, interpolation=cv2.INTER_AREA) >= 0.5
-        cut = [head(shown.picture, box[None], MASK_SIZE)[0] for head in heads.values()]
-        rows.append((shown.tall_px, *((mask & true).sum() / (mask | true).sum() for mask in cut)))
+        if box is not None:
+            rows.append((shown.tall_px, *(mask_iou(head, shown, box) for head in heads.values())))
     tall, *ious = np.array(rows).T
     print("\nmask IoU by height, px         " + "".join(f"{name:>8}" for name in heads) + "  people")
     for low, high in ((0, 80), (80, 160), (160, 240), (240, 480), (0, 480)):

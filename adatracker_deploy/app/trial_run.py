@@ -23,7 +23,7 @@ from adatracker_deploy.core import pause
 from adatracker_deploy.core.camera import FilmOverError, scene_of
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import PlatformError
-from adatracker_deploy.core.messages import ZERO, Seen
+from adatracker_deploy.core.messages import Seen
 from adatracker_deploy.core.record import RESULTS
 from adatracker_deploy.core.task import FIRST_SIGHT_S
 from adatracker_deploy.perception.live import LiveCamera
@@ -34,7 +34,6 @@ from adatracker_deploy.policy.remote import RemotePolicy
 from adatracker_deploy.runtime.black_box import FILE_NAME
 from adatracker_deploy.runtime.dry_run import DryRun
 from adatracker_deploy.runtime.engagement import Engagement
-from adatracker_deploy.runtime.gate import Setpoint
 from adatracker_deploy.runtime.link_process import LinkProcess
 from adatracker_deploy.runtime.loop import Ending, Loop, stopped_by, unless_stopped
 from adatracker_deploy.runtime.operator_stop import StopRequest
@@ -257,14 +256,10 @@ class _Trial:
                     self._tell(f"loop: {obtained()}; link: {obtained(self.link.pid)}")
                 if plan.scheduling.realtime:
                     self._tell(f"cores {'are kept awake' if self.awake else 'may sleep'}")
-                self._stand()  # the previous steps may have taken a while
+                self.engagement.stand_by()  # the previous steps may have taken a while
                 return loop.run(plan.steps)
         finally:
             gc.unfreeze()
-
-    def _stand(self) -> None:
-        """Ask the robot to stand still from now on."""
-        self.link.send(Setpoint(ZERO, self.clock.now_ns()))
 
     def _await_start(self, start_line: StartLine) -> None:
         """Wait, connected and not engaged, until all robots of the fleet are."""
@@ -282,7 +277,7 @@ class _Trial:
             self.stop.insist()
             if ending := stopped_by(status):
                 return ending
-            self._stand()
+            self.engagement.stand_by()
             try:
                 seen = unless_stopped(perception.newest, self.link, status)
             except FilmOverError as error:  # not the end of a trial: none had begun

@@ -55,8 +55,7 @@ class Engagement:
         airborne = False
         for status in self.statuses(ENGAGE_TIMEOUT_S):
             meanwhile()
-            still = Setpoint(ZERO, self._clock.now_ns())
-            self._link.send(still)  # says that somebody still waits for the robot
+            self.stand_by()
             if not airborne and not status.state.landed:
                 airborne = True
                 self._tell("airborne")
@@ -66,6 +65,10 @@ class Engagement:
             if status.phase is not Phase.ENGAGING and status.stopped:
                 raise PlatformError(status.stopped)
         raise PlatformError(f"the robot was not engaged within {ENGAGE_TIMEOUT_S:g} s")
+
+    def stand_by(self) -> None:
+        """Ask for standing still; to be repeated, since the link gives the robot up when the trial is silent."""
+        self._link.send(Setpoint(ZERO, self._clock.now_ns()))
 
     def stand_still(self, reason: str) -> float | None:
         """Hold; return the time until the robot stood still, s of the run's clock, or None if it was not

@@ -90,6 +90,12 @@ def test_a_setpoint_survives_its_bytes(vx, yaw_rate, t_ns):
     assert unpack_setpoint(pack_setpoint(setpoint)) == setpoint
 
 
+def test_a_setpoint_of_an_older_black_box_can_still_be_read():
+    assert unpack_setpoint(b"[7, 0.1, 6, null, 0.5, 0.0, 0.0, -0.1]") == Setpoint(
+        Twist(0.5, 0, 0, -0.1), 7, 0.1, 6
+    )
+
+
 @example("\U0001f6d1" * 2000, None)
 @given(st.text(max_size=2000), st.one_of(st.none(), st.builds(Pose, numbers, numbers)))
 def test_a_status_always_fits_and_survives_but_for_its_length(text, pose):

@@ -54,11 +54,17 @@ def test_they_keep_up_with_a_camera_whose_rate_is_a_little_off(camera_hz):
     assert waited[-100:].max() < 0.012
 
 
-@pytest.mark.parametrize("jitter_s", [0.006, 0.020, 0.035])
+@pytest.mark.parametrize("jitter_s", [0.006, 0.020])
 def test_a_perception_whose_time_varies_never_makes_them_act_on_the_observation_before(jitter_s):
     _, waited = ticks(20.0, 0.02, jitter_s)
     assert abs(np.median(waited[-200:])) < 0.005
-    assert waited[-200:].max() < jitter_s + 0.001
+    assert waited[-200:].max() < jitter_s
+
+
+def test_one_that_varies_by_more_than_half_of_the_cameras_period_seldom_does():
+    """Where the ticks wait half as long, one in twelve acts on an observation older than this."""
+    waited = np.concatenate([ticks(20.0, 0.02, 0.028, count=1000, seed=seed)[1][200:] for seed in range(6)])
+    assert (waited > 0.028).mean() < 0.04
 
 
 @given(st.floats(3.0, 120.0), st.floats(0.0, 0.1), st.floats(0.0, 0.05), st.integers(0, 9))

@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 import itertools
-import math
 
 import numpy as np
 import pytest
 
 from adatracker_deploy.core.errors import UsageError
-from adatracker_deploy.core.geometry import Pose
-from adatracker_deploy.core.messages import MaskClass
-from adatracker_deploy.perception.jpeg import developed
 from adatracker_deploy.perception.models.model_file import read_model_file
 from adatracker_deploy.perception.models.pose import SURE, PoseMasks
 from adatracker_deploy.perception.models.selfie import SelfieMasks
 from adatracker_deploy.perception.weights import shipped
-from adatracker_deploy.sim import World, scene_names
-from adatracker_deploy.sim.studio import Eye
+from benchmarks.eyes import mask_iou, rendered
 from tests.perception.models import graphs
-from tests.perception.models.test_selfie import SIZE, person, within_a_cell
+from tests.perception.models.test_selfie import BRIGHT, SIZE, person, within_a_cell
 
 REDDISH = """
 pose (float[1,256,256,3] image) => (float[1,256,256,1] mask, float[1,1] flag) {
@@ -27,12 +22,6 @@ pose (float[1,256,256,3] image) => (float[1,256,256,1] mask, float[1,1] flag) {
     lit = Greater(red, level)
     mask = Cast<to = 1>(lit)
     flag = Identity(sure)
-}"""
-BRIGHT = """
-selfie (float[1,256,256,3] image) => (float[1,256,256,1] mask) {
-    grey = ReduceMean<axes = [3], keepdims = 1>(image)
-    lit = Greater(grey, level)
-    mask = Cast<to = 1>(lit)
 }"""
 SHAPE, LEFT, RIGHT = (240, 400), (50, 60, 110, 180), (230, 60, 290, 180)
 
@@ -81,35 +70,13 @@ def test_a_network_that_does_not_say_how_sure_it_is_is_refused(tmp_path):
         heads(tmp_path, text=REDDISH.replace("flag", "score"))
 
 
-def rendered(count):
-    """Yield pictures of people in all scenes, seen from everywhere, with their true masks and boxes."""
-    rng = np.random.default_rng(8)
-    for number in itertools.islice(itertools.cycle(range(len(scene_names()))), count):
-        world = World(scene_names()[number], seed=number, obstacles=False)
-        (x, y), around, up_m = world.target_xy, rng.uniform(-math.pi, math.pi), rng.uniform(0.4, 2.0)
-        away_m = rng.uniform(2.0, 4.0)
-        camera = Pose(
-            x - away_m * math.cos(around),
-            y - away_m * math.sin(around),
-            world.ground_z(x, y) + up_m,
-            pitch=math.atan2(up_m - 0.9, away_m),
-            yaw=around,
-        )
-        frame = developed(Eye(world, math.radians(90.0), seed=number).take(0, 0, camera, camera))
-        mask = frame.truth.mask == MaskClass.TARGET
-        rows, columns = np.nonzero(mask)
-        yield frame.rgb, mask, (columns.min(), rows.min(), columns.max() + 1, rows.max() + 1)
-
-
 def test_the_shipped_networks_cut_rendered_people_out_and_the_pose_landmarks_finer(measured):
     selfie = SelfieMasks(shipped("selfie_segmentation.onnx"))
     found = {"selfie": selfie, "pose": PoseMasks(shipped("pose_landmark_lite.onnx"), selfie)}
     ious = {name: [] for name in found}
-    for picture, true, box in rendered(10):
+    for shown in itertools.islice(rendered(seed=8), 10):
         for name, head in found.items():
-            (mask,) = head(picture, np.array([box], np.float32), 160)
-            seen = mask.repeat(3, axis=0).repeat(4, axis=1)
-            ious[name].append((seen & true).sum() / (seen | true).sum())
+            ious[name].append(mask_iou(head, shown, shown.box))
     means = {name: float(np.mean(values)) for name, values in ious.items()}
     measured(f"mask IoU of ten rendered people: selfie {means['selfie']:.3f}, pose {means['pose']:.3f}")
     assert means["pose"] > 0.88
