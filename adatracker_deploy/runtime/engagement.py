@@ -67,7 +67,7 @@ class Engagement:
         raise PlatformError(f"the robot was not engaged within {ENGAGE_TIMEOUT_S:g} s")
 
     def stand_by(self) -> None:
-        """Ask for standing still; to be repeated, since the link gives the robot up when the trial is silent."""
+        """Ask for standing still; to be repeated, since the link gives up a robot whose trial is silent."""
         self._link.send(Setpoint(ZERO, self._clock.now_ns()))
 
     def stand_still(self, reason: str) -> float | None:
