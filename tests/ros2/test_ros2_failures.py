@@ -15,6 +15,7 @@ from adatracker_ros2.protocol.messages import Odometry, write_battery, write_odo
 from adatracker_ros2.protocol.topics import BATTERY_STATE, ODOMETRY, TWIST, Topics
 from tests.driving import Sleepy, engages
 from tests.ros2.rehearsal import (
+    ODOMETRY_S,
     PATIENCE_S,
     adapter,
     changed,
@@ -29,8 +30,8 @@ from tests.ros2.rehearsal import (
 pytestmark = pytest.mark.slow
 
 CRUISE, TURN = Twist(vx=0.5), Twist(yaw_rate=1.0)
-NOTICED_S = 0.3 + 0.2
-"""The odometry's time-out, and the word's way."""
+WORD_S = 0.2
+"""The way of a word to the robot."""
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +65,7 @@ def test_a_robot_that_tells_nothing_new_is_stopped(simulated, fault):
         send_while(platform, CRUISE, lambda: platform.state().velocity.vx < 0.3)
         sitl.order(f"begin {fault}")
         try:
-            assert drive_until_refused(platform, "no odometry") < NOTICED_S
+            assert drive_until_refused(platform, "no odometry") < ODOMETRY_S + WORD_S
         finally:
             sitl.order(f"end {fault}")
         stays_stopped_until_engaged(platform, "no odometry")
@@ -85,7 +86,7 @@ def test_odometry_whose_stamps_go_back_stops_the_robot_at_once(simulated):
         send_while(platform, CRUISE, lambda: platform.state().velocity.vx < 0.3)
         now = platform.state()
         ahead.publish(write_odometry(Odometry(now.pose, now.velocity, time.time_ns() + 10 * 10**9)))
-        assert drive_until_refused(platform, "time stamps went back") < NOTICED_S
+        assert drive_until_refused(platform, "time stamps went back") < ODOMETRY_S / 2
         stays_stopped_until_engaged(platform, "time stamps went back")
 
 
