@@ -272,7 +272,7 @@ class Seen(NamedTuple):
     """Time at which perception received the frame, by the run's clock; None when segmenting without one."""
     ready_ns: int | None = None
     """Time at which the observation was made, likewise."""
-    before_ns: int | None = None
-    """Time at which the previous observation was made, likewise."""
+    spacing_ns: int | None = None
+    """From the previous observation's frame to this one's, by the times at which they were taken."""
     sight: Sight | None = None
     """Comparison with the truth, where that is known."""

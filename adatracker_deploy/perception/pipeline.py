@@ -76,7 +76,7 @@ class Perception:
 
         Args:
             patience_s: machine time; how long to wait for the next one, if its picture is being looked at and
-                the last one is more than half as old as the time between the last two.
+                the last one is more than half as old as the time between the pictures of the last two.
 
         Raises:
             PlatformError: the error that ended the camera or the segmenter.
@@ -109,9 +109,9 @@ class Perception:
 
     def _due(self) -> bool:
         last = self._newest
-        if last is None or last.ready_ns is None or last.before_ns is None:
+        if last is None or last.ready_ns is None or last.spacing_ns is None:
             return False
-        return self._clock.now_ns() - last.ready_ns > (last.ready_ns - last.before_ns) / 2
+        return self._clock.now_ns() - last.ready_ns > last.spacing_ns / 2
 
     def _look(self, looking: bool) -> None:
         with self._looked:
@@ -129,9 +129,9 @@ class Perception:
                         frame = replace(frame, click=self._clicks.popleft())
                     self._look(True)
                     seen = perceive(frame, self._segmenter)
-                    before_ns = None if self._newest is None else self._newest.ready_ns
+                    spacing_ns = None if self._newest is None else frame.t_ns - self._newest.frame.t_ns
                     self._newest = seen._replace(
-                        taken_ns=taken_ns, ready_ns=self._clock.now_ns(), before_ns=before_ns
+                        taken_ns=taken_ns, ready_ns=self._clock.now_ns(), spacing_ns=spacing_ns
                     )
                     self._look(False)
         except PlatformError as error:  # raised at the next call

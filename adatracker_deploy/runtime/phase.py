@@ -28,9 +28,9 @@ def earlier_s(seen: Seen, slot_ns: int, period_s: float) -> float:
         slot_ns: when its slot began.
         period_s: of the loop.
     """
-    if seen.ready_ns is None or seen.before_ns is None:
+    if seen.ready_ns is None or seen.spacing_ns is None:
         return 0.0
-    spacing_s = (seen.ready_ns - seen.before_ns) / 1e9
+    spacing_s = seen.spacing_ns / 1e9
     error_s = (slot_ns - seen.ready_ns) / 1e9
     if error_s > spacing_s / 2:  # it came just before the next
         error_s = max(error_s - spacing_s, -spacing_s / 2)

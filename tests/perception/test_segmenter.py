@@ -166,13 +166,13 @@ def test_the_loop_never_waits_for_a_segmenter_that_stalls(monkeypatch):
 
 
 class Film:
-    """A camera whose pictures come one by one, when they are shown."""
+    """A camera whose pictures, taken every 50 ms, come one by one, when they are shown."""
 
     def __init__(self):
         self.frame = None
 
     def show(self, seq):
-        self.frame = replace(FRAME, seq=seq)
+        self.frame = replace(FRAME, seq=seq, t_ns=seq * 50_000_000)
 
     def read(self, now_ns):
         return self.frame
@@ -200,11 +200,11 @@ class Standing(FakeClock):
 
 @pytest.fixture
 def thinking():
-    """Perception that has seen two pictures 50 ms apart; its camera, segmenter and clock."""
+    """Perception that has seen two pictures, the second 40 ms late; its camera, segmenter and clock."""
     film, segmenter, clock = Film(), Thinking(), Standing()
     with Perception(film, segmenter, clock, 20.0) as perception:
-        for seq in (1, 2):
-            clock.advance(0.05)
+        for seq, after_s in ((1, 0.05), (2, 0.09)):
+            clock.advance(after_s)
             film.show(seq)
             assert segmenter.begun.acquire(timeout=10)
             segmenter.done.release()
@@ -234,7 +234,9 @@ def test_nothing_is_waited_for_while_the_last_is_fresh_or_for_longer_than_allowe
     film.show(3)
     assert segmenter.begun.acquire(timeout=10)
     clock.advance(later_s)
+    begun_s = time.monotonic()
     assert perception.newest(patience_s).frame.seq == 2
+    assert time.monotonic() - begun_s < 5.0
 
 
 def test_nothing_is_waited_for_while_nothing_is_looked_at(thinking):

@@ -16,12 +16,12 @@ PERIOD_S = 0.1
 NOTHING = np.zeros((1, 1), np.uint8)
 
 
-def seen(ready_s, before_s):
+def seen(ready_s, spacing_s):
     return Seen(
         Frame(np.zeros((1, 1, 3), np.uint8), 0, 0),
         Observation(NOTHING, None, 0.0, 0, 0),
         ready_ns=None if ready_s is None else round(ready_s * 1e9),
-        before_ns=None if before_s is None else round(before_s * 1e9),
+        spacing_ns=None if spacing_s is None else round(spacing_s * 1e9),
     )
 
 
@@ -32,11 +32,11 @@ def ticks(camera_hz, first_s, jitter_s=0.0, count=400, seed=0):
     at, waited, times = 1.0 + first_s, [], []
     for _ in range(count):
         place = int(np.searchsorted(ready, at, side="right")) - 1
-        if at - ready[place] > (ready[place] - ready[place - 1]) / 2:
+        if at - ready[place] > 0.5 / camera_hz:
             place += ready[place + 1] - at < WAIT * PERIOD_S
         times.append(at)
         waited.append(at - ready[place])
-        at += PERIOD_S - earlier_s(seen(ready[place], ready[place - 1]), round(at * 1e9), PERIOD_S)
+        at += PERIOD_S - earlier_s(seen(ready[place], 1 / camera_hz), round(at * 1e9), PERIOD_S)
     return np.array(times), np.array(waited)
 
 
@@ -54,17 +54,11 @@ def test_they_keep_up_with_a_camera_whose_rate_is_a_little_off(camera_hz):
     assert waited[-100:].max() < 0.012
 
 
-@pytest.mark.parametrize("jitter_s", [0.006, 0.020])
+@pytest.mark.parametrize("jitter_s", [0.006, 0.020, 0.028, 0.032])
 def test_a_perception_whose_time_varies_never_makes_them_act_on_the_observation_before(jitter_s):
     _, waited = ticks(20.0, 0.02, jitter_s)
     assert abs(np.median(waited[-200:])) < 0.005
     assert waited[-200:].max() < jitter_s
-
-
-def test_one_that_varies_by_more_than_half_of_the_cameras_period_seldom_does():
-    """Where the ticks wait half as long, one in twelve acts on an observation older than this."""
-    waited = np.concatenate([ticks(20.0, 0.02, 0.028, count=1000, seed=seed)[1][200:] for seed in range(6)])
-    assert (waited > 0.028).mean() < 0.04
 
 
 @given(st.floats(3.0, 120.0), st.floats(0.0, 0.1), st.floats(0.0, 0.05), st.integers(0, 9))
@@ -75,13 +69,13 @@ def test_whatever_comes_the_rate_is_kept_within_two_per_cent(camera_hz, first_s,
     assert gaps.max() <= 1 + MOST + 1e-9
 
 
-@pytest.mark.parametrize(("ready_s", "before_s"), [(None, None), (0.5, None), (None, 0.5)])
-def test_what_is_not_known_moves_nothing(ready_s, before_s):
-    assert earlier_s(seen(ready_s, before_s), 10**9, PERIOD_S) == 0.0
+@pytest.mark.parametrize(("ready_s", "spacing_s"), [(None, None), (0.5, None), (None, 0.5)])
+def test_what_is_not_known_moves_nothing(ready_s, spacing_s):
+    assert earlier_s(seen(ready_s, spacing_s), 10**9, PERIOD_S) == 0.0
 
 
 @given(st.integers(0, 10**12), st.integers(-(10**12), 10**12), st.integers(-(10**12), 10**12))
-def test_any_times_give_a_bounded_correction(tick_ns, ready_ns, before_ns):
-    moved_s = earlier_s(seen(ready_ns / 1e9, before_ns / 1e9), tick_ns, PERIOD_S)
+def test_any_times_give_a_bounded_correction(tick_ns, ready_ns, spacing_ns):
+    moved_s = earlier_s(seen(ready_ns / 1e9, spacing_ns / 1e9), tick_ns, PERIOD_S)
     assert math.isfinite(moved_s)
     assert abs(moved_s) <= MOST * PERIOD_S
