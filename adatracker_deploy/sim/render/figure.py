@@ -17,6 +17,7 @@ import numpy as np
 
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.sim.render.motion import FPS, Passage, Skin, cycles
+from adatracker_deploy.sim.render.nodes import white
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -230,15 +231,19 @@ class Figure:
 
 
 def _mended(model: Any) -> None:
-    """Let weights add up to one, and vertex colours, which glTF keeps linear, show as sRGB."""
+    """Let weights add up to one, glTF's linear colours show as sRGB, and nothing be transparent."""
     from panda3d import core as p3d
 
-    white = p3d.Material("white")
-    white.set_diffuse((1.0, 1.0, 1.0, 1.0))
-    white.set_ambient((1.0, 1.0, 1.0, 1.0))
+    for texture in model.find_all_textures():
+        image = p3d.PNMImage()
+        if texture.get_num_components() == 4 and texture.store(image):
+            image.remove_alpha()
+            texture.load(image)
     for node in model.find_all_matches("**/+GeomNode"):
-        for geom in node.node().modify_geoms():
+        geoms = node.node()
+        for index, geom in enumerate(geoms.modify_geoms()):
             data = geom.modify_vertex_data()
+            geoms.set_geom_state(index, _opaque(geoms.get_geom_state(index), data.has_column("color")))
             blends = data.modify_transform_blend_table()
             for at in range(blends.get_num_blends() if blends else 0):
                 blend = p3d.TransformBlend(blends.get_blend(at))
@@ -248,10 +253,23 @@ def _mended(model: Any) -> None:
                 continue
             rewriter = p3d.GeomVertexRewriter(data, "color")
             while not rewriter.is_at_end():
-                red, green, blue, alpha = rewriter.get_data4()
-                rewriter.set_data4(_srgb(red), _srgb(green), _srgb(blue), alpha)
-        node.set_material(white, 1)  # without one, the rasteriser multiplies by the vertices' colours twice
+                red, green, blue, _ = rewriter.get_data4()
+                rewriter.set_data4(_srgb(red), _srgb(green), _srgb(blue), 1.0)
+        node.set_material(white(), 1)
         node.set_attrib(p3d.ColorAttrib.make_vertex())
+
+
+def _opaque(state: Any, coloured: bool) -> Any:
+    """Return a surface's state without transparency; its material's colour stands in for the vertices'."""
+    from panda3d import core as p3d
+
+    material = state.get_attrib(p3d.MaterialAttrib)
+    for transparent in (p3d.TransparencyAttrib, p3d.AlphaTestAttrib):
+        state = state.remove_attrib(transparent)
+    if coloured or material is None or material.get_material() is None:
+        return state
+    red, green, blue, _ = material.get_material().get_base_color()
+    return state.set_attrib(p3d.ColorAttrib.make_flat((_srgb(red), _srgb(green), _srgb(blue), 1.0)))
 
 
 def _srgb(linear: float) -> float:

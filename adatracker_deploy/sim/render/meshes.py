@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,6 +46,17 @@ def of_part(part: Part) -> Mesh:
     else:
         mesh = _ellipsoid(part.half)
     return Mesh(mesh.points + part.at, mesh.normals, mesh.uv, mesh.faces)
+
+
+def joined(parts: Sequence[Mesh]) -> Mesh:
+    """Return several meshes, one at least, as one."""
+    before = np.cumsum([0, *(len(part.points) for part in parts[:-1])])
+    return Mesh(
+        np.concatenate([part.points for part in parts]),
+        np.concatenate([part.normals for part in parts]),
+        np.concatenate([part.uv for part in parts]),
+        np.concatenate([part.faces + first for part, first in zip(parts, before, strict=True)]),
+    )
 
 
 def box(half: tuple[float, float, float], tall_m: float = TEXTURE_M) -> Mesh:

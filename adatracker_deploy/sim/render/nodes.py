@@ -71,6 +71,16 @@ def texture(image: NDArray[np.uint8]) -> Any:
     return texture
 
 
+def white() -> Any:
+    """Return a material that shows colours and opacity as they are; without one, both count twice."""
+    from panda3d import core as p3d
+
+    material = p3d.Material("white")
+    material.set_diffuse((1.0, 1.0, 1.0, 1.0))
+    material.set_ambient((1.0, 1.0, 1.0, 1.0))
+    return material
+
+
 def light(root: Any, daylight: Daylight) -> None:
     """Light everything below a NodePath by sun and sky."""
     from panda3d import core as p3d
@@ -134,6 +144,16 @@ def soft_shadow(daylight: Daylight, height_m: float) -> Any:
     node.set_texture(texture)
     node.set_light_off()
     node.set_two_sided(True)
-    node.set_transparency(p3d.TransparencyAttrib.M_alpha)
+    # It darkens what is below, and leaves the opacity there as it is.
+    node.set_attrib(
+        p3d.ColorBlendAttrib.make(
+            p3d.ColorBlendAttrib.M_add,
+            p3d.ColorBlendAttrib.O_incoming_alpha,
+            p3d.ColorBlendAttrib.O_one_minus_incoming_alpha,
+        )
+    )
+    channels = p3d.ColorWriteAttrib
+    node.set_attrib(channels.make(channels.C_red | channels.C_green | channels.C_blue))
+    node.set_bin("transparent", 0)
     node.set_depth_write(False)
     return node.node()

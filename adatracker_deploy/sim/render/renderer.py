@@ -1,6 +1,7 @@
 """Draws pictures of a scene and its people with Panda3D, and the class mask of the same pixels.
 
 The software rasteriser is Panda3D's own ``p3tinydisplay``. One engine serves all renderers of a process.
+Nothing is transparent but shadows, so the opacity of a pixel says whose it is, and one drawing gives both.
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 import functools
 import importlib.util
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -19,7 +21,7 @@ from adatracker_deploy.core.messages import MaskClass
 from adatracker_deploy.sim.footprint import FreeSpace
 from adatracker_deploy.sim.render import fog, meshes, textures
 from adatracker_deploy.sim.render.figure import Figure
-from adatracker_deploy.sim.render.nodes import geom, light, sky, soft_shadow, texture
+from adatracker_deploy.sim.render.nodes import geom, light, sky, soft_shadow, texture, white
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,22 +29,18 @@ if TYPE_CHECKING:
     from adatracker_deploy.core.geometry import Pose
     from adatracker_deploy.core.messages import ClassMask
     from adatracker_deploy.sim.person import Gait
+    from adatracker_deploy.sim.render.meshes import Mesh
     from adatracker_deploy.sim.render.nodes import Daylight
-    from adatracker_deploy.sim.scene import Part, Scene, Thing
+    from adatracker_deploy.sim.scene import Part, Rgb, Scene, Thing
+
+    _Painter = Callable[[Rgb, int], NDArray[np.uint8]]
 
 _NEAR_M, _FAR_M = 0.05, 400.0
-_MASK_ONLY, _PICTURE_ONLY = 1, 2
-"""Bits of the two cameras: shadows and sky are for pictures alone."""
 _STOOL_RGB = (0.35, 0.26, 0.18)
-_CLASS_STEP = 40
-"""Levels of green between two classes in the mask's buffer."""
-_NUMBER_STEP = 8
-_NUMBERS = 256 // _NUMBER_STEP
-"""Levels of red and blue between two bodies' numbers in it: number = red * 32 + blue."""
-_CLASS_OF_GREEN = ((np.arange(256) + _CLASS_STEP // 2) // _CLASS_STEP).astype(np.uint8)
-_NUMBER_OF_LEVEL = np.minimum((np.arange(256) + _NUMBER_STEP // 2) // _NUMBER_STEP, _NUMBERS - 1).astype(
-    np.intp
-)
+_LEVELS = 2
+"""Levels of opacity for each body: body n is drawn at 2n + 1, and comes out there or one lower. The ground,
+walls and the sky are opaque."""
+_MOST_BODIES = 256 // _LEVELS - 2
 _QUIET = (
     "load-display p3tinydisplay",
     "audio-library-name null",
@@ -110,8 +108,8 @@ class Renderer:
         self._root.set_shader_off()
         light(self._root, daylight)
         self._sky = self._root.attach_new_node(sky(scene, daylight, seed))
-        self._sky.hide(p3d.BitMask32.bit(_MASK_ONLY))
         self._bodies: list[_Body] = []
+        self._classes = np.full(256, MaskClass.BACKGROUND, np.uint8)
         self._build(scene, obstacles=obstacles, seed=seed)
         self._scene = scene
         self._figures = [Figure(path) for path in people]
@@ -122,7 +120,6 @@ class Renderer:
             self._number(figure.root, MaskClass.PERSON if place else MaskClass.TARGET)
             self._stools.append(self._stool(figure))
             self._shadows.append(self._root.attach_new_node(soft_shadow(daylight, figure.height_m)))
-            self._shadows[-1].hide(p3d.BitMask32.bit(_MASK_ONLY))
         self._views: dict[tuple[int, int], _View] = {}
 
     def place(
@@ -163,21 +160,31 @@ class Renderer:
         """
         size = (height, width)
         if size not in self._views:
-            self._views[size] = _View(self._root, height, width, self._bodies)
+            self._views[size] = _View(self._root, height, width)
         self._sky.set_pos(camera.x, camera.y, 0.0)
-        view = self._views[size]
-        mask, picture = view.draw(camera, fov_rad)
+        pixels = self._views[size].draw(camera, fov_rad)
+        opacity = cv2.extractChannel(pixels, 3)
+        mask = np.asarray(cv2.LUT(opacity, self._classes), np.uint8)
+        picture = np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGRA2RGB), np.uint8)
         if self._daylight.fog_m:
             distance_m = fog.background_m(camera, fov_rad, height, width, self._scene)
-            bodies_m = np.array([np.inf, *(self._away_m(body, camera) for body in self._bodies)], np.float32)
-            distance_m = np.minimum(distance_m, bodies_m[view.numbers()])
+            bodies_m = np.full(256 // _LEVELS, np.inf, np.float32)
+            for number, body in enumerate(self._bodies):
+                bodies_m[number] = self._away_m(body, camera)
+            distance_m = np.minimum(distance_m, bodies_m[opacity // _LEVELS])
             picture = fog.fogged(picture, distance_m, self._daylight.fog_m, self._scene.haze_rgb)
         return mask, picture
 
     def _number(self, node: Any, kind: MaskClass, solids: FreeSpace | None = None) -> None:
-        """Give somebody or something the next number in the masks."""
-        node.set_tag("class", str(len(self._bodies) + 1))
-        self._bodies.append(_Body(kind, node, solids))
+        """Let the pixels of somebody or something say whose they are."""
+        number = len(self._bodies)
+        if number == _MOST_BODIES:
+            raise UsageError(f"more than {_MOST_BODIES} people and things cannot be drawn")
+        level = _LEVELS * number + 1
+        node.set_color_scale(1.0, 1.0, 1.0, level / 255.0, 1)
+        node.set_material(white())
+        self._classes[level - 1 : level + 1] = kind
+        self._bodies.append(_Body(node, solids))
 
     def _stool(self, figure: Figure) -> Any:
         """Return what somebody sits on, which is there while they do; None if they never sit."""
@@ -219,33 +226,34 @@ class Renderer:
         self._number(node, MaskClass.OBSTACLE, FreeSpace(math.inf, math.inf, list(solids), math.inf))
         node.set_pos(thing.x, thing.y, scene.terrain.height(thing.x, thing.y))
         node.set_h(math.degrees(thing.yaw))
+        # A node costs as much as many triangles: one for each surface.
+        surfaces: dict[tuple[_Painter, Rgb], list[Mesh]] = {}
         for part in thing.parts:
-            mesh = node.attach_new_node(geom(meshes.of_part(part), part.shape))
-            mesh.set_texture(texture(_image_of(part, seed % 5)))
+            surfaces.setdefault((_painter(part), part.rgb), []).append(meshes.of_part(part))
+        for (paint, rgb), parts in surfaces.items():
+            surface = node.attach_new_node(geom(meshes.joined(parts), "surface"))
+            surface.set_texture(texture(paint(rgb, seed % 5)))
 
 
-def _image_of(part: Part, seed: int) -> NDArray[np.uint8]:
+def _painter(part: Part) -> _Painter:
     red, green, blue = part.rgb
     if part.windows:
-        return textures.facade(part.rgb, seed)
-    if part.shape == "ellipsoid" and green > max(red, blue):
-        return textures.leaves(part.rgb, seed)
-    return textures.plaster(part.rgb, seed)
+        return textures.facade
+    return textures.leaves if part.shape == "ellipsoid" and green > max(red, blue) else textures.plaster
 
 
 class _Body(NamedTuple):
     """Somebody or something that the masks tell from the ground."""
 
-    kind: MaskClass
     node: Any
     solids: FreeSpace | None
     """Pose of a thing; people are where their node is."""
 
 
 class _View:
-    """Two buffers of one size: the picture's and the mask's."""
+    """A buffer of one size."""
 
-    def __init__(self, root: Any, height: int, width: int, bodies: list[_Body]) -> None:
+    def __init__(self, root: Any, height: int, width: int) -> None:
         from panda3d import core as p3d
 
         self._p3d = p3d
@@ -253,76 +261,37 @@ class _View:
         self._lens = p3d.PerspectiveLens()
         self._lens.set_near_far(_NEAR_M, _FAR_M)
         self._lens.set_film_size(width, height)
-        self._buffers: list[Any] = []
-        self._picture, self._camera = self._buffer(root, "picture", _PICTURE_ONLY)
-        self._mask, self._mask_camera = self._buffer(root, "mask", _MASK_ONLY)
-        flat = self._mask_camera.node()
-        flat.set_initial_state(self._flat(MaskClass.BACKGROUND))
-        flat.set_tag_state_key("class")
-        for number, body in enumerate(bodies, start=1):
-            flat.set_tag_state(str(number), self._flat(body.kind, number))
-
-    def draw(self, camera: Pose, fov_rad: float) -> tuple[ClassMask, NDArray[np.uint8]]:
-        height, width = self._size
-        self._lens.set_focal_length(width / 2 / math.tan(fov_rad / 2))
-        pose = self._p3d.LMatrix4f(*_camera_matrix(camera).reshape(-1).tolist())
-        for node in (self._camera, self._mask_camera):
-            node.set_mat(pose)
-        for buffer in self._buffers:
-            buffer.set_active(True)
-        _engine()[0].render_frame()
-        for buffer in self._buffers:  # other views of this process are drawn in their own turn
-            buffer.set_active(False)
-        green = cv2.extractChannel(_pixels(self._mask, height, width), 1)
-        mask = np.asarray(cv2.LUT(green, _CLASS_OF_GREEN), np.uint8)
-        return mask, cv2.cvtColor(_pixels(self._picture, height, width), cv2.COLOR_BGRA2RGB)
-
-    def numbers(self) -> NDArray[np.intp]:
-        """Return the number of the body at each pixel of the last picture, 0 for none."""
-        levels = _pixels(self._mask, *self._size)
-        return np.asarray(
-            _NUMBER_OF_LEVEL[levels[..., 2]] * _NUMBERS + _NUMBER_OF_LEVEL[levels[..., 0]], np.intp
-        )
-
-    def _buffer(self, root: Any, name: str, bit: int) -> tuple[Any, Any]:
-        p3d = self._p3d
+        self._camera = root.attach_new_node(p3d.Camera("camera", self._lens))
         engine, pipe = _engine()
-        height, width = self._size
         wants = p3d.FrameBufferProperties()
         wants.set_rgb_color(True)
         wants.set_depth_bits(16)
-        buffer = engine.make_output(
+        self._buffer = engine.make_output(
             pipe,
-            name,
+            "picture",
             0,
             wants,
             p3d.WindowProperties.size(width, height),
             p3d.GraphicsPipe.BF_refuse_window,
         )
-        if buffer is None:
+        if self._buffer is None:
             raise UsageError("panda3d cannot draw on this machine: its software rasteriser did not start")
-        buffer.set_active(False)
-        self._buffers.append(buffer)
-        texture = p3d.Texture(name)
-        buffer.add_render_texture(texture, p3d.GraphicsOutput.RTM_copy_ram)
-        buffer.set_clear_color((0.0, 0.0, 0.0, 1.0))
-        node = p3d.Camera(name, self._lens)
-        node.set_camera_mask(p3d.BitMask32.bit(bit))
-        camera = root.attach_new_node(node)
-        buffer.make_display_region().set_camera(camera)
-        return texture, camera
+        self._buffer.set_active(False)
+        self._buffer.set_clear_color((0.0, 0.0, 0.0, 1.0))
+        self._texture = p3d.Texture("picture")
+        self._buffer.add_render_texture(self._texture, p3d.GraphicsOutput.RTM_copy_ram)
+        self._buffer.make_display_region().set_camera(self._camera)
 
-    def _flat(self, kind: MaskClass, number: int = 0) -> Any:
-        p3d = self._p3d
-        red, blue = divmod(number, _NUMBERS)
-        levels = red * _NUMBER_STEP, int(kind) * _CLASS_STEP, blue * _NUMBER_STEP
-        return p3d.RenderState.make(
-            p3d.ColorAttrib.make_flat((*(level / 255.0 for level in levels), 1.0)),
-            p3d.LightAttrib.make_all_off(),
-            p3d.TextureAttrib.make_all_off(),
-            p3d.MaterialAttrib.make_off(),
-            1000,
-        )
+    def draw(self, camera: Pose, fov_rad: float) -> NDArray[np.uint8]:
+        """Return blue, green, red and opacity of each pixel (height, width, 4), from the top."""
+        height, width = self._size
+        self._lens.set_focal_length(width / 2 / math.tan(fov_rad / 2))
+        self._camera.set_mat(self._p3d.LMatrix4f(*_camera_matrix(camera).reshape(-1).tolist()))
+        self._buffer.set_active(True)
+        _engine()[0].render_frame()
+        self._buffer.set_active(False)  # other views of this process are drawn in their own turn
+        data = np.frombuffer(self._texture.get_ram_image(), np.uint8)
+        return np.ascontiguousarray(data.reshape(height, width, 4)[::-1])
 
 
 def _camera_matrix(pose: Pose) -> NDArray[np.float64]:
@@ -332,9 +301,3 @@ def _camera_matrix(pose: Pose) -> NDArray[np.float64]:
     matrix[0, :3], matrix[1, :3], matrix[2, :3] = -turn[:, 1], turn[:, 0], turn[:, 2]
     matrix[3, :3] = pose.translation()
     return matrix
-
-
-def _pixels(texture: Any, height: int, width: int) -> NDArray[np.uint8]:
-    """Return a buffer's pixels (height, width, 4), blue first, from the top."""
-    data = np.frombuffer(texture.get_ram_image(), np.uint8)
-    return data.reshape(height, width, -1)[::-1]

@@ -12,6 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.geometry import Pose
+from adatracker_deploy.core.messages import MaskClass
+from adatracker_deploy.sim import World
 from adatracker_deploy.sim.render.figure import (
     LARGEST_BYTES,
     MOST_TRIANGLES,
@@ -168,3 +171,33 @@ def test_a_person_whose_parts_do_not_fit_is_refused(tmp_path):
     document, _ = document_of(PEOPLE[0])
     with pytest.raises(UsageError, match="cannot be loaded"):
         Figure(written(tmp_path / "hollow.glb", document))
+
+
+def drawn(tmp_path, **material):
+    """Return where the target is in a picture, and its colours there, with another material."""
+    document, rest = document_of(PEOPLE[0])
+    if not material.pop("coloured", True):
+        del document["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"]
+    document["materials"][0] |= material
+    own = written(tmp_path / "own.glb", document, rest)
+    world = World("simple_room", seed=3, obstacles=False, cast=[own])
+    camera = Pose(world.start.x, world.start.y, 1.0, yaw=world.start.yaw)
+    mask, rgb = world.picture(camera, math.radians(90.0), 120, 160)
+    return mask == MaskClass.TARGET, rgb[mask == MaskClass.TARGET]
+
+
+@pytest.mark.parametrize("mode", ["MASK", "BLEND"])
+def test_somebody_transparent_is_drawn_opaque(tmp_path, mode):
+    """Else their pixels would be taken for somebody else's, or for nobody's."""
+    clear = {"baseColorFactor": [1.0, 1.0, 1.0, 0.2]}
+    where, colours = drawn(tmp_path)
+    assert where.sum() > 500
+    now, then = drawn(tmp_path, alphaMode=mode, pbrMetallicRoughness=clear)
+    np.testing.assert_array_equal(now, where)
+    np.testing.assert_array_equal(then, colours)
+
+
+def test_who_has_no_vertex_colours_has_their_material_s(tmp_path):
+    red = {"baseColorFactor": [0.5, 0.02, 0.02, 1.0]}
+    _, colours = drawn(tmp_path, coloured=False, pbrMetallicRoughness=red)
+    assert (colours[:, 0] > 2.0 * colours[:, 1]).mean() > 0.95
