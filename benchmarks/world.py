@@ -15,6 +15,7 @@ from adatracker_deploy.core.messages import Twist
 from adatracker_deploy.platform import CameraMount
 from adatracker_deploy.sim import World, scene_names
 from adatracker_deploy.sim.bodies import DriveSettings, KinematicBody
+from adatracker_deploy.sim.studio import Eye
 from adatracker_deploy.sim.task import Task, TaskSettings
 
 FOV_RAD = math.pi / 2
@@ -36,6 +37,21 @@ def rendering(scene: str) -> None:
     mask = median_ms(lambda: world.render_mask(camera, FOV_RAD, 160, 160), 50)
     image = median_ms(lambda: world.render(camera, FOV_RAD, 160, 160), 20)
     print(f"{scene:14s} mask 64x64 {small:6.2f} ms   160x160 {mask:6.2f} ms   image 160x160 {image:6.2f} ms")
+
+
+def picture(scene: str) -> None:
+    """A picture of five people for segmenters, 640x480: drawing alone, and with camera, JPEG and truth."""
+    world = World(scene, seed=3, others=4)
+    eye = Eye(world, FOV_RAD, seed=3)
+    drawing, taking = [], []
+    for seq in range(120):
+        world.step(0.05)
+        x, y = world.target_xy
+        camera = Pose(x - 2.5, y, world.ground_z(x - 2.5, y) + 1.0)
+        drawing.append(median_ms(lambda at=camera: world.picture(at, FOV_RAD, 480, 640), 1))
+        taking.append(median_ms(lambda at=camera, k=seq: eye.take(k * 50_000_000, k, at, at), 1))
+    drawn, taken = statistics.median(drawing[20:]), statistics.median(taking[20:])
+    print(f"{scene:14s} five people in 640x480: drawn in {drawn:5.1f} ms, taken in {taken:5.1f} ms")
 
 
 def environment(*, obstacles: bool, others: int, steps: int = 500) -> None:
@@ -61,5 +77,6 @@ if __name__ == "__main__":
     print(f"building simple_room: {build:.1f} ms")
     for name in scene_names():
         rendering(name)
+        picture(name)
     environment(obstacles=False, others=0)
     environment(obstacles=True, others=2)
