@@ -3,7 +3,8 @@
 The target is tracked by predicted position and appearance, together with everybody else in view: all tracks
 compete for the boxes. A target out of sight for too long is lost. It is reacquired only by a person who is
 similar to the target, more similar than everybody else, and more similar than that person was while beside
-the target; who hid it is not taken for it. Until then there is no target. Time is passed in; the same images
+the target; who hid it is not taken for it. Who came after it had gone may be it before it is lost. Until
+then there is no target. Time is passed in; the same images
 give the same results.
 """
 
@@ -132,7 +133,8 @@ class TargetLock:
         target = replace(target, clear_s=0.0) if place is None else target.seen(here, place)
         known = _others_in(here, others, theirs, target, place)
         unseen = [other for row, other in enumerate(others) if row not in theirs.values()]
-        again = taken_back(known, target, here.free) if was_lost else None
+        gone = place is None and target.person.unseen_s > BRIDGED_S
+        again = taken_back(known, target, here.free) if gone else None
         if again is not None:
             place, found = known.pop(again)
             target = replace(target, person=found.person)

@@ -122,7 +122,7 @@ class Other:
     alike_beside: float | None = None
     """The same while the target stood free beside them, and looked more like itself; None if it never did."""
     agreed: int = 0
-    """Consecutive images in which the person looked like the lost target."""
+    """Consecutive images in which the person looked like the target that is gone."""
     apart: bool = False
     """Whether they were seen in one picture with the target, and not in its place: then they are two."""
     hides: bool = False
@@ -143,7 +143,9 @@ class Other:
         def smoothed(before: float | None, share: float) -> float:
             return alike if before is None else before + share * (alike - before)
 
-        agrees = target.lost and _agrees(alike, target)
+        # Whoever was there beside the target is somebody else until it is lost; who came since may be it.
+        gone = target.lost if self.apart else target.person.unseen_s > 0.0
+        agrees = gone and _agrees(alike, target)
         return replace(
             self,
             alike=smoothed(self.alike, _SMOOTHING),
@@ -193,7 +195,7 @@ def _agrees(alike: float, target: Target) -> bool:
 
 
 def taken_back(known: list[tuple[int, Other]], target: Target, free: NDArray[np.bool_]) -> int | None:
-    """Return the index in `known` of the reacquired target; None while nobody is certain.
+    """Return the index in `known` of the target that was gone; None while nobody is certain.
 
     Who cannot be the target is no rival of who may be it.
     """

@@ -113,6 +113,31 @@ def test_a_twin_who_stood_beside_the_target_is_no_reason_not_to_take_it_back():
     assert states(said)[-1] is TRACKED
 
 
+def test_a_target_that_comes_back_elsewhere_is_taken_back_before_it_counts_as_lost():
+    """It is expected where it was going; here it turns round behind what hides it for half a second."""
+    hidden_s, back_s = 2.0, 2.5
+    walker = Walker(
+        "red",
+        along((0, hidden_s, back_s), (100, 300, 180)),
+        here=lambda t_s: not hidden_s < t_s < back_s,
+    )
+    said = follow([walker], 4)
+    first = round(back_s * RATE_HZ)
+    assert followed(said)[first : first + 2] == [None, None]
+    assert set(followed(said)[first + 2 :]) == {0}
+    assert LOST not in states(said)
+
+
+def test_whoever_stood_beside_the_target_is_not_taken_for_it_while_it_may_be_where_it_is_expected():
+    walkers = [
+        Walker("red", steady(150), here=lambda t_s: t_s < 2),
+        Walker("red with green trousers", steady(300), here=lambda t_s: t_s < 2),
+        Walker("red", steady(300), here=lambda t_s: t_s >= 2),  # changed clothes: most alike, and known
+    ]
+    said = follow(walkers, 1.9 + COAST_S)
+    assert set(states(said)[round(2.1 * RATE_HZ) :]) == {COASTING}
+
+
 @pytest.mark.parametrize("tall", [30, 150])
 def test_who_was_last_seen_in_part_is_taken_back_at_any_size(tall):
     """A box at the edge of the picture is as tall as what is left of the person in it."""
@@ -282,11 +307,11 @@ def test_who_comes_to_where_the_target_must_be_is_not_taken_while_it_stands_else
     """The target jumps further than anybody can walk, as when pictures are missing or the camera is hit."""
     walkers = [
         Walker("red", lambda t_s: 200 if t_s < 2 else now),
-        Walker("red with green trousers", steady(stranger), here=lambda t_s: t_s >= 2.5),
+        Walker("red with green trousers", steady(stranger), here=lambda t_s: t_s >= 2.2),
     ]
     said = follow(walkers, 6)
     assert set(followed(said)) == {0, None}
-    assert states(said)[round(2.5 * RATE_HZ)] is COASTING
+    assert states(said)[round(2.2 * RATE_HZ)] is COASTING
     assert states(said)[-1] is (TRACKED if now == 325 else LOST)  # who does not stand free is not taken back
 
 
