@@ -3,9 +3,9 @@
 The target is tracked by predicted position and appearance, together with everybody else in view: all tracks
 compete for the boxes. A target out of sight for too long is lost. It is reacquired only by a person who is
 similar to the target, more similar than everybody else, and more similar than that person was while beside
-the target; who hid it is not taken for it. Who came after it had gone may be it before it is lost. Until
-then there is no target. Time is passed in; the same images
-give the same results.
+the target; who hid it is not taken for it. Who came after it had gone may be it before it is lost, unless
+somebody stands where it is expected. Until then there is no target. Time is passed in; the same images give
+the same results.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from adatracker_deploy.perception.target.appearance import is_cut
 from adatracker_deploy.perception.target.people import Person, assigned
 from adatracker_deploy.perception.target.recognition import (
     BRIDGED_S,
+    HIDING,
     Other,
     Picture,
     Target,
@@ -133,8 +134,8 @@ class TargetLock:
         target = replace(target, clear_s=0.0) if place is None else target.seen(here, place)
         known = _others_in(here, others, theirs, target, place)
         unseen = [other for row, other in enumerate(others) if row not in theirs.values()]
-        gone = place is None and target.person.unseen_s > BRIDGED_S
-        again = taken_back(known, target, here.free) if gone else None
+        gone = target.lost or (target.person.unseen_s > BRIDGED_S and not _is_covered(target, here.boxes))
+        again = taken_back(known, target, here.free) if place is None and gone else None
         if again is not None:
             place, found = known.pop(again)
             target = replace(target, person=found.person)
@@ -155,6 +156,12 @@ def _expected(target: Target, boxes: Boxes) -> tuple[float, float, float, float]
         return None
     left, top, right, bottom = box.tolist()
     return left, top, right, bottom
+
+
+def _is_covered(target: Target, boxes: Boxes) -> bool:
+    """Return whether somebody stands before the place where the target is expected."""
+    place = target.person.box.astype(np.float32)
+    return any(bool(within(place[None], box)[0] >= HIDING) for box in boxes)
 
 
 def _places(

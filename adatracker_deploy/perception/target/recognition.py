@@ -37,7 +37,7 @@ _CLEAR_S = 1.0
 just crossed may be somebody else."""
 _LEARN = 0.05
 """Share of a new appearance blended into the target's known one."""
-_HIDING = 0.3
+HIDING = 0.3
 """Share of the target's box from which on somebody else's covers it."""
 _HIDDEN_S = 5.0
 """Time out of sight for which who hid the target is not taken for it. Tracks are swapped when people cross,
@@ -131,7 +131,7 @@ class Other:
     def placed(self, target: Target, *, seen: bool) -> Other:
         """Note whether they stand apart from the target, which is `seen` or has just gone out of sight."""
         place = target.person.box.astype(np.float32)
-        covers = within(place[None], self.person.box.astype(np.float32))[0] >= _HIDING
+        covers = within(place[None], self.person.box.astype(np.float32))[0] >= HIDING
         if seen:
             return replace(self, apart=self.apart or not covers)
         hides = covers and self.apart and target.person.unseen_s <= BRIDGED_S

@@ -138,6 +138,17 @@ def test_whoever_stood_beside_the_target_is_not_taken_for_it_while_it_may_be_whe
     assert set(states(said)[round(2.1 * RATE_HZ) :]) == {COASTING}
 
 
+def test_while_somebody_stands_where_the_target_is_expected_it_is_behind_them_and_nobody_who_comes():
+    walkers = [
+        Walker("red", steady(200)),
+        Walker("green", along((0, 1, 9), (330, 200, 200))),
+        Walker("red", steady(60), here=lambda t_s: t_s >= 1.2),
+    ]
+    said = follow(walkers, 1.6)
+    assert states(said)[-1] is COASTING
+    assert 2 not in followed(said)
+
+
 @pytest.mark.parametrize("tall", [30, 150])
 def test_who_was_last_seen_in_part_is_taken_back_at_any_size(tall):
     """A box at the edge of the picture is as tall as what is left of the person in it."""
