@@ -156,6 +156,7 @@ class Figure:
 
     Attributes:
         root: a Panda3D NodePath, x ahead, z up, standing on the origin.
+        body: what of it is the person.
         height_m: from the sole to the top of the head.
         stride: what one cycle of the walk covers.
         seat: how far ahead and how high the middle of the seat is on which they sit, m; None if they cannot.
@@ -184,8 +185,8 @@ class Figure:
         self._walk, self._stand = motions[WALK], motions.get(STAND)
         self._sit = Passage(motions[SIT].moments) if SIT in motions else None
         reach_m = max(float(np.abs(motion.moments[..., :3]).max()) for motion in motions.values())
-        self._body = self.root.attach_new_node("body")
-        self._skin = Skin(model, self._body, 2.0 * reach_m)
+        self.body = self.root.attach_new_node("body")
+        self._skin = Skin(model, self.body, 2.0 * reach_m)
         model.remove_node()
         moments = [[self._mixed(float(phase), share, 0.0)[:, :3] for phase in _PHASES] for share in _SHARES]
         self.stride = stride_of(np.array(moments[-1]))
@@ -209,16 +210,16 @@ class Figure:
             part = np.float32(min(1.0, seated / _TO_SITTING))
             self._vertices = self._vertices + part * (self._sit.at(seated) - self._vertices)
             self._skin.move(self._vertices)
-            self._body.set_z(-float(self._vertices[:, 2].min()))
+            self.body.set_z(-float(self._vertices[:, 2].min()))
             return
         self._skin.move(self._vertices)
         # Between two steps, a mixture of walking and standing is lower than either.
         heights = [np.interp(phase, _PHASES, raised, period=1.0) for raised in self._raised_m]
-        self._body.set_z(float(np.interp(share, _SHARES, heights)))
+        self.body.set_z(float(np.interp(share, _SHARES, heights)))
 
     def points(self) -> NDArray[np.float64]:
         """Return all vertices as they are posed, (V, 3), m, x ahead, z up from the ground."""
-        return np.asarray(self._vertices[:, :3] + np.array([0.0, 0.0, self._body.get_z()]), np.float64)
+        return np.asarray(self._vertices[:, :3] + np.array([0.0, 0.0, self.body.get_z()]), np.float64)
 
     def _mixed(self, phase: float, share: float, seconds: float) -> NDArray[np.float32]:
         """Return who walks with a share of the limbs' motion, and stands with the rest, (V, 6)."""

@@ -117,7 +117,7 @@ class Renderer:
         self._stools: list[Any] = []
         for place, figure in enumerate(self._figures):
             figure.root.reparent_to(self._root)
-            self._number(figure.root, MaskClass.PERSON if place else MaskClass.TARGET)
+            self._number(figure.body, MaskClass.PERSON if place else MaskClass.TARGET)
             self._stools.append(self._stool(figure))
             self._shadows.append(self._root.attach_new_node(soft_shadow(daylight, figure.height_m)))
         self._views: dict[tuple[int, int], _View] = {}
@@ -181,7 +181,7 @@ class Renderer:
         if number == _MOST_BODIES:
             raise UsageError(f"more than {_MOST_BODIES} people and things cannot be drawn")
         level = _LEVELS * number + 1
-        node.set_color_scale(1.0, 1.0, 1.0, level / 255.0, 1)
+        node.set_color_scale(1.0, 1.0, 1.0, level / 255.0)
         node.set_material(white())
         self._classes[level - 1 : level + 1] = kind
         self._bodies.append(_Body(node, solids))
