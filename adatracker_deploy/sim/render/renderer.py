@@ -9,7 +9,6 @@ from __future__ import annotations
 import functools
 import importlib.util
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -24,6 +23,8 @@ from adatracker_deploy.sim.render.figure import Figure
 from adatracker_deploy.sim.render.nodes import geom, light, sky, soft_shadow, texture, white
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from adatracker_deploy.core.geometry import Pose
