@@ -210,11 +210,14 @@ def test_of_a_real_robot_no_truth_is_believed(camera, lens):
     assert newest(camera).truth is None
 
 
-def test_each_image_of_a_rehearsal_has_the_truth_of_its_own_stamp(profile):
+@pytest.mark.parametrize("token", ["", "a1b2"], ids=["started by hand", "started by --sitl"])
+def test_each_image_of_a_rehearsal_has_the_truth_of_its_own_stamp(profile, token):
+    """Of one that was started by hand a liveliness token tells; of the other, the connection."""
+    profile = replace(profile, connection=replace(profile.connection, rehearsal_token=token))
     connection = with_camera(profile)
     with robot(connection) as session:
         lens, camera = Lens(session, connection), ZenohCamera(profile, MonotonicClock())
-        token = session.liveliness().declare_token(SitlKeys(connection).alive)
+        alive = None if token else session.liveliness().declare_token(SitlKeys(connection).alive)
         opened(camera, lens)
         for burst in (1, 1, 5, 1, 20, 3):
             before = newest(camera).seq
@@ -230,7 +233,8 @@ def test_each_image_of_a_rehearsal_has_the_truth_of_its_own_stamp(profile):
             frame = newest(camera)
             assert frame.truth.distance_m % 256 == frame.rgb[0, 0, 0]
         camera.close()
-        token.undeclare()
+        if alive is not None:
+            alive.undeclare()
 
 
 @pytest.fixture

@@ -48,7 +48,8 @@ class ZenohCamera(CompressedImageCamera):
         return open_session(self._connection)
 
     def _begin(self, session: zenoh.Session) -> None:
-        if _has_token(session, self._sitl_keys.alive):
+        # Of a rehearsal that --sitl has started nobody need ask; on a busy machine the answer may be late.
+        if self._sitl_keys.run or _has_token(session, self._sitl_keys.alive):
             self._truths = _Truths(session, self._sitl_keys.truth)
 
     def _truth(self, stamp_ns: int) -> Truth | None:
