@@ -237,7 +237,7 @@ def _mended(model: Any) -> None:
 
     for texture in model.find_all_textures():
         image = p3d.PNMImage()
-        if p3d.Texture.has_alpha(texture.get_format()) and texture.store(image):
+        if texture.get_num_components() in {2, 4} and texture.store(image):
             image.remove_alpha()
             texture.load(image)
     for node in model.find_all_matches("**/+GeomNode"):

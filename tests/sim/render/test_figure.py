@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import math
 import struct
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given
@@ -173,14 +175,12 @@ def test_a_person_whose_parts_do_not_fit_is_refused(tmp_path):
         Figure(written(tmp_path / "hollow.glb", document))
 
 
-def drawn(tmp_path, **material):
-    """Return where the target is in a picture, and its colours there, with another material."""
+def drawn(tmp_path, change=lambda document: None):
+    """Return where the target is in a picture, and its colours there, with a changed file."""
     document, rest = document_of(PEOPLE[0])
-    if not material.pop("coloured", True):
-        del document["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"]
-    document["materials"][0] |= material
+    change(document)
     own = written(tmp_path / "own.glb", document, rest)
-    world = World("simple_room", seed=3, obstacles=False, cast=[own])
+    world = World("simple_room", seed=3, cast=[own])  # with obstacles: the first body has the least opacity
     camera = Pose(world.start.x, world.start.y, 1.0, yaw=world.start.yaw)
     mask, rgb = world.picture(camera, math.radians(90.0), 120, 160)
     return mask == MaskClass.TARGET, rgb[mask == MaskClass.TARGET]
@@ -189,15 +189,45 @@ def drawn(tmp_path, **material):
 @pytest.mark.parametrize("mode", ["MASK", "BLEND"])
 def test_somebody_transparent_is_drawn_opaque(tmp_path, mode):
     """Else their pixels would be taken for somebody else's, or for nobody's."""
-    clear = {"baseColorFactor": [1.0, 1.0, 1.0, 0.2]}
+
+    def clear(document):
+        factor = {"baseColorFactor": [1.0, 1.0, 1.0, 0.2]}
+        document["materials"][0] |= {"alphaMode": mode, "pbrMetallicRoughness": factor}
+
     where, colours = drawn(tmp_path)
     assert where.sum() > 500
-    now, then = drawn(tmp_path, alphaMode=mode, pbrMetallicRoughness=clear)
+    now, then = drawn(tmp_path, clear)
     np.testing.assert_array_equal(now, where)
     np.testing.assert_array_equal(then, colours)
 
 
 def test_who_has_no_vertex_colours_has_their_material_s(tmp_path):
-    red = {"baseColorFactor": [0.5, 0.02, 0.02, 1.0]}
-    _, colours = drawn(tmp_path, coloured=False, pbrMetallicRoughness=red)
+    def red(document):
+        del document["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"]
+        document["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = [0.5, 0.02, 0.02, 1.0]
+
+    _, colours = drawn(tmp_path, red)
     assert (colours[:, 0] > 2.0 * colours[:, 1]).mean() > 0.95
+
+
+def test_a_texture_that_is_transparent_is_drawn_opaque(tmp_path):
+    clear = np.full((4, 4, 4), (30, 200, 30, 60), np.uint8)
+    done, png = cv2.imencode(".png", clear)
+    assert done
+
+    def textured(document):
+        primitive = document["meshes"][0]["primitives"][0]
+        places = document["accessors"][primitive["attributes"]["POSITION"]]
+        document["bufferViews"].append(dict(document["bufferViews"][places["bufferView"]]))
+        view = len(document["bufferViews"]) - 1
+        # Any coordinates will do: the picture is of one colour.
+        document["accessors"].append({**places, "bufferView": view, "type": "VEC2"})
+        primitive["attributes"]["TEXCOORD_0"] = len(document["accessors"]) - 1
+        document["images"] = [{"uri": "data:image/png;base64," + base64.b64encode(png).decode()}]
+        document["textures"] = [{"source": 0}]
+        document["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = {"index": 0}
+
+    where, _ = drawn(tmp_path)
+    now, colours = drawn(tmp_path, textured)
+    np.testing.assert_array_equal(now, where)
+    assert (colours[:, 1] > colours[:, 0]).mean() > 0.9
