@@ -10,6 +10,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from types import SimpleNamespace
 
 import cv2
@@ -204,7 +205,7 @@ class Rehearsal:
         number = 0
         while not self._ending.wait(0.02):
             number += 1
-            self._server.publish(Frame(picture(number % 20), number, number, truth))
+            self._server.publish(Frame(picture(number % 20), time.monotonic_ns(), number, truth))
 
     def close(self):
         self._ending.set()
