@@ -1,6 +1,5 @@
 """The adapter keeps each promise of `Platform`, against the simulated robot's node in another process."""
 
-import dataclasses
 from typing import ClassVar
 
 import pytest
@@ -11,9 +10,9 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed: pip install 'adatra
 from rclpy.serialization import serialize_message
 
 from adatracker_deploy.core.messages import Twist
-from adatracker_deploy.registry import load_profile
 from adatracker_deploy.testing.conformance import PlatformConformance
 from adatracker_ros2.platform import Ros2Platform
+from tests.ros2.rehearsal import rehearsed
 
 pytestmark = pytest.mark.slow
 
@@ -32,27 +31,17 @@ class TestRos2InSitl(PlatformConformance):
         return serialize_message(values[-1])
 
     @pytest.fixture(scope="class")
-    @classmethod
-    def profile(cls):
-        return cls.seldom_drawn()
-
     @staticmethod
-    def seldom_drawn(**connection):
-        """Return a profile with a slow camera: nobody watches, and rendering slows down a busy machine."""
-        profile = load_profile("ros2_robot", Ros2Platform)
-        return dataclasses.replace(
-            profile,
-            camera=dataclasses.replace(profile.camera, rate_hz=1.0),
-            connection=dataclasses.replace(profile.connection, **connection),
-        )
+    def profile():
+        return rehearsed()
 
 
 @EXHAUSTIVE
 class TestAManagedNodeInANamespaceThatTakesTwistStamped(TestRos2InSitl):
     @pytest.fixture(scope="class")
-    @classmethod
-    def profile(cls):
-        return cls.seldom_drawn(
+    @staticmethod
+    def profile():
+        return rehearsed(
             command="twist_stamped",
             command_topic="/base/cmd_vel",
             namespace="robot1",
