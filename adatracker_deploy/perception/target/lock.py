@@ -4,8 +4,9 @@ The target is tracked by predicted position and appearance, together with everyb
 compete for the boxes. A target out of sight for too long is lost. It is reacquired only by a person who is
 similar to the target, more similar than everybody else, and more similar than that person was while beside
 the target; who hid it is not taken for it. Who came after it had gone may be it before it is lost, unless
-somebody stands where it is expected. Until then there is no target. Time is passed in; the same images give
-the same results.
+somebody stands where it is expected. Until then there is no target. Where the chosen box held two people, the
+target is the one who looks more like it once they are apart. Time is passed in; the same images give the same
+results.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from adatracker_deploy.perception.target.recognition import (
     Picture,
     Target,
     is_elsewhere,
+    outdone,
     taken_back,
 )
 
@@ -117,7 +119,7 @@ class TargetLock:
         dt_s, self._t_ns = max(0.0, (t_ns - self._t_ns) / 1e9), t_ns
         was_lost = self._target.lost
         target = self._target
-        target = replace(target, person=target.person.expected(motion, dt_s), clear_s=target.clear_s + dt_s)
+        target = target.expected(motion, dt_s)
         others = [replace(other, person=other.person.expected(motion, dt_s)) for other in self._others]
         alike = target.alike(looks)
         sure = len(boxes) if sure is None else sure
@@ -128,7 +130,9 @@ class TargetLock:
             rows, place = [*rows, faint], sure
         free = _standing_free(boxes[rows])
         free[sure:] = False  # a doubtful box teaches nothing
-        here = Picture(boxes[rows], scores[rows], looks[rows], alike[rows], free)
+        here = Picture(
+            boxes[rows], scores[rows], looks[rows], alike[rows], target.as_chosen(looks[rows]), free
+        )
         if place is not None and is_elsewhere(target, here, place, others, theirs):
             place = None
         target = replace(target, clear_s=0.0) if place is None else target.seen(here, place)
@@ -139,6 +143,10 @@ class TargetLock:
         if again is not None:
             place, found = known.pop(again)
             target = replace(target, person=found.person)
+        mistaken = outdone(known, target)
+        if mistaken is not None and place is not None:
+            (right, other), known[mistaken] = known[mistaken], (place, Other(target.person, apart=True))
+            place, target = right, replace(target, person=other.person)
         self._target = target
         self._others = [other for _, other in known]
         self._others += [other for other in unseen if other.person.unseen_s <= FORGET_S]
@@ -211,7 +219,7 @@ def _others_in(
     beside = None if place is None or not here.free[place] else float(here.alike[place])
     mine = target.person.box.astype(np.float32)
     known: list[tuple[int, Other]] = []
-    for box, (where, score, look, alike, free) in enumerate(zip(*here, strict=True)):
+    for box, (where, score, look, alike, chosen, free) in enumerate(zip(*here, strict=True)):
         if box == place:
             continue
         if box in theirs:
@@ -219,12 +227,15 @@ def _others_in(
             other = replace(other, person=other.person.seen(where, look, _LEARN if free else 0.0))
             other = other.placed(target, seen=place is not None)
         elif score >= _NEW_SCORE and (place is None or not _is_second(where, mine)):
-            other = Other(Person.new(where, look))
+            split = place is not None and bool(overlap(where[None], mine[None])[0, 0] >= CROWDED)
+            other = Other(Person.new(where, look), split=split)
         else:
             continue
         if free:
             sure = beside is not None and float(alike) <= beside
             other = other.compared(float(alike), target, beside=sure)
+            if beside is not None:
+                other = other.rivals(float(chosen - here.chosen[place]))
         known.append((box, other))
     return known
 

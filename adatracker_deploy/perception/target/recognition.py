@@ -18,6 +18,7 @@ from adatracker_deploy.perception.target.appearance import likeness, stripes_kno
 if TYPE_CHECKING:
     from adatracker_deploy.perception.roles import Boxes
     from adatracker_deploy.perception.target.appearance import Appearance
+    from adatracker_deploy.perception.target.motion import Motion
     from adatracker_deploy.perception.target.people import Person
 
 COAST_S = 1.0
@@ -57,6 +58,10 @@ _MARGIN_BEFORE = 0.06
 swapped."""
 _CONFIRM = 3
 """Consecutive images that must agree."""
+_SPLIT_S = 3.0
+"""Time after the choice in which it may turn out that the chosen box held two people."""
+_OUTDONE = 5
+"""Consecutive images in which the other of the two must look more like what was chosen."""
 
 
 class Picture(NamedTuple):
@@ -67,6 +72,8 @@ class Picture(NamedTuple):
     looks: NDArray[np.float32]
     alike: NDArray[np.float32]
     """How alike each look is to the target's, shape (n,)."""
+    chosen: NDArray[np.float32]
+    """How alike each is to the look that was chosen, shape (n,)."""
     free: NDArray[np.bool_]
     """Whether each stands unoccluded, and is surely a person; only then an appearance is learnt."""
 
@@ -83,6 +90,8 @@ class Target:
     """The target's usual similarity to itself."""
     clear_s: float = 0.0
     """Time for which the target has been seen and stood free."""
+    since_s: float = 0.0
+    """Time since it was chosen."""
 
     @classmethod
     def chosen(cls, person: Person) -> Target:
@@ -98,6 +107,15 @@ class Target:
         """Return the similarity of each appearance to the one of the target's that it is most like."""
         mine = [self.person.alike(looks), *(likeness(looks, view) for view in self.views)]
         return np.asarray(np.max(mine, axis=0), np.float32)
+
+    def expected(self, motion: Motion, dt_s: float) -> Target:
+        """Return the target predicted one image ahead."""
+        person = self.person.expected(motion, dt_s)
+        return replace(self, person=person, clear_s=self.clear_s + dt_s, since_s=self.since_s + dt_s)
+
+    def as_chosen(self, looks: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the similarity of each appearance to the one that was chosen; 0 if that told too little."""
+        return likeness(looks, self.views[0]) if self.views else np.zeros(len(looks), np.float32)
 
     def seen(self, here: Picture, place: int) -> Target:
         """Return the predicted target updated with what is at `place`."""
@@ -127,6 +145,11 @@ class Other:
     """Whether they were seen in one picture with the target, and not in its place: then they are two."""
     hides: bool = False
     """Whether they stood apart from the target, and it then went out of sight behind them."""
+    split: bool = False
+    """Whether their first box overlapped the target's: before, both may have been in one."""
+    outdid: int = 0
+    """Consecutive images in which they looked more like what was chosen than what is tracked did, both
+    standing free."""
 
     def placed(self, target: Target, *, seen: bool) -> Other:
         """Note whether they stand apart from the target, which is `seen` or has just gone out of sight."""
@@ -152,6 +175,10 @@ class Other:
             alike_beside=smoothed(self.alike_beside, _SMOOTHING_USUAL) if beside else self.alike_beside,
             agreed=self.agreed + 1 if agrees else 0,
         )
+
+    def rivals(self, margin: float) -> Other:
+        """Note by how much more they look like what was chosen than what is tracked; both stand free."""
+        return replace(self, outdid=self.outdid + 1 if margin > _MARGIN else 0)
 
     def may_be(self, alike: float, target: Target) -> bool:
         """Return whether they may be it: they did not hide it, and look more like it than beside it."""
@@ -192,6 +219,18 @@ def _likeliest_other(
 def _agrees(alike: float, target: Target) -> bool:
     """Return whether somebody is about as similar to the target as it usually is to itself."""
     return alike > min(target.usual - _DROP, _SURELY)
+
+
+def outdone(known: list[tuple[int, Other]], target: Target) -> int | None:
+    """Return the index in `known` of who was chosen, if that is not who is tracked.
+
+    A box may hold two people. When it splits, its place may go on with one of them and what was chosen look
+    like the other.
+    """
+    if target.since_s > _SPLIT_S:
+        return None
+    rivals = [place for place, (_, other) in enumerate(known) if other.split and other.outdid >= _OUTDONE]
+    return max(rivals, key=lambda place: known[place][1].outdid, default=None)
 
 
 def taken_back(known: list[tuple[int, Other]], target: Target, free: NDArray[np.bool_]) -> int | None:

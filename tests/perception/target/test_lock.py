@@ -242,6 +242,38 @@ def test_a_target_that_stood_beside_whom_the_lock_had_taken_for_it_is_taken_back
     assert said[-1] == (TRACKED, 0)
 
 
+def _parting(before, pictures):
+    """Return what is found of two of whom the right one looks as was chosen and the left one in part: first
+    only the left one, then both, who step apart."""
+    left = np.array([(100, 20, 140, 120)], np.float32)
+    parted = []
+    for number in range(pictures):
+        right = left + np.array([30 + min(5 * number, 60), 0] * 2, np.float32)
+        parted.append((np.vstack((left, right)), np.concatenate((looking([2]), looking([0])))))
+    return [(left, looking([2]))] * before + parted
+
+
+def test_of_two_who_were_chosen_in_one_box_the_target_is_who_looks_more_like_it():
+    both = np.array([(100, 20, 160, 120)], np.float32)
+    said = _said((both, _mixture(0.45)), _parting(2, 20))
+    assert [place for _, place in said[:6]] == [0] * 6
+    assert said[-1] == (TRACKED, 1)
+
+
+def test_whoever_parts_from_the_target_much_later_is_somebody_else():
+    both = np.array([(100, 20, 160, 120)], np.float32)
+    said = _said((both, _mixture(0.45)), _parting(70, 20))
+    assert said[-1] == (TRACKED, 0)
+
+
+def test_whoever_comes_from_elsewhere_was_not_in_the_box_that_was_chosen():
+    alone = np.array([(100, 20, 140, 120)], np.float32)
+    beside = np.vstack((alone, alone + np.array([90, 0] * 2, np.float32)))
+    looks = np.concatenate((looking([2]), looking([0])))
+    said = _said((alone, _mixture(0.45)), [(alone, looking([2])), *[(beside, looks)] * 30])
+    assert said[-1] == (TRACKED, 0)
+
+
 def _mixture(share):
     """Return a look of which a share is not the target's: its likeness is the square root of the rest."""
     return np.sqrt((1 - share) * np.square(looking([0])) + share * np.square(looking([2])))
