@@ -1,6 +1,6 @@
 """The eyes in rendered worlds, where the truth of every pixel is known, beside real footage.
 
-python benchmarks/eyes.py [--data DIR] [--scale] [--quality] [--masks] [--seed S]
+python benchmarks/eyes.py [--data DIR] [--scale] [--quality] [--masks] [--starts] [--seed S]
 
 DIR is `benchmarks/perception.py`'s. Without it there is no column of real footage.
 
@@ -9,6 +9,8 @@ DIR is `benchmarks/perception.py`'s. Without it there is no column of real foota
 * quality: recall by height in the picture, the score's distribution, and how the best box jitters about the
   true one: the standard deviation of its centre and of its height, shares of the true height.
 * masks: the IoU of what each mask head cuts out of the best box, in a mask of 160 px, rendered people alone.
+* starts: whom the shipped segmenter chooses where a trial begins, the target 2.5 m ahead and two others
+  about, with and without the witness that is asked about people in doubt.
 """
 
 from __future__ import annotations
@@ -27,7 +29,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from adatracker_deploy.core.geometry import Pose
-from adatracker_deploy.core.messages import MaskClass
+from adatracker_deploy.core.messages import Box, MaskClass
+from adatracker_deploy.core.task import DESIRED_DISTANCE_M, FIRST_SIGHT_S
 from adatracker_deploy.perception.boxes import overlap
 from adatracker_deploy.perception.drawing import MASK_SIZE
 from adatracker_deploy.perception.jpeg import developed
@@ -35,6 +38,8 @@ from adatracker_deploy.perception.models.nanodet import SCORE, NanoDet
 from adatracker_deploy.perception.models.pose import PoseMasks
 from adatracker_deploy.perception.models.selfie import SelfieMasks
 from adatracker_deploy.perception.roles import MaskHead
+from adatracker_deploy.perception.target.first_sight import LEAST_SCORE
+from adatracker_deploy.perception.target_segmenter import TargetSegmenter
 from adatracker_deploy.perception.weights import shipped
 from adatracker_deploy.sim import World, scene_names
 from adatracker_deploy.sim.studio import Eye
@@ -45,6 +50,7 @@ SIDES = (224, 288, 352, 416, 512, 640)
 BIN_PX = 15
 FOV_RAD = math.radians(90.0)
 HEIGHTS_M = (0.4, 1.0, 1.7, 3.0)
+START_HZ = 20.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +73,7 @@ def main() -> None:
     parser.add_argument("--scale", action="store_true")
     parser.add_argument("--quality", action="store_true")
     parser.add_argument("--masks", action="store_true")
+    parser.add_argument("--starts", action="store_true")
     parser.add_argument("--people", type=int, default=400, metavar="N", help="pictures of each kind")
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
@@ -81,6 +88,8 @@ def main() -> None:
             print_quality(kinds)
         if arguments.masks:
             print_masks(kinds["rendered"])
+    if arguments.starts:
+        print_starts(arguments.people, arguments.seed)
 
 
 def rendered(seed: int) -> Iterator[Shown]:
@@ -212,6 +221,39 @@ def print_masks(people: list[Shown]) -> None:
                 + "".join(f"{iou[those].mean():8.3f}" for iou in ious)
                 + f"{those.sum():8d}"
             )
+
+
+def print_starts(count: int, seed: int) -> None:
+    heads = PoseMasks(shipped("pose_landmark_lite.onnx"), SelfieMasks(shipped("selfie_segmentation.onnx")))
+    detector = NanoDet(shipped("nanodet_g_int8.onnx"), ("person",), score=LEAST_SCORE)
+    for witness in (None, heads):
+        segmenter = TargetSegmenter(detector, None, least_score=SCORE, witness=witness)
+        starts = [started(segmenter, seed * 10_000 + number, number) for number in range(count)]
+        right, after_s = zip(*starts, strict=True)
+        print(
+            f"{count} starts {'with' if witness else 'without'} the witness: {right.count(True)} with the "
+            f"target, {right.count(False)} with somebody else, {right.count(None)} with nobody; after "
+            "{:.2f} s in the middle, {:.2f} s in 19 of 20".format(*np.quantile(after_s, (0.5, 0.95)))
+        )
+
+
+def started(segmenter: TargetSegmenter, seed: int, number: int) -> tuple[bool | None, float]:
+    """Return whether the target is chosen, None if nobody is, and after how long, s."""
+    world = World(scene_names()[number % len(scene_names())], seed=seed, others=2)
+    eye = Eye(world, FOV_RAD, seed=seed)
+    start, up = world.start, HEIGHTS_M[number % len(HEIGHTS_M)]
+    pitch = max(0.0, math.atan2(up - 0.9, DESIRED_DISTANCE_M))
+    camera = Pose(start.x, start.y, start.z + up, pitch=pitch, yaw=start.yaw)
+    segmenter.reset()
+    for picture in range(round(FIRST_SIGHT_S * START_HZ)):
+        t_ns = round(picture / START_HZ * 1e9)
+        frame = developed(eye.take(t_ns, picture, start, camera))
+        seen = segmenter(frame)
+        if seen.box is not None:
+            true = Box.of_mask(frame.truth.mask)
+            shared = 0.0 if true is None else true.iou(seen.box)
+            return shared > MATCH, t_ns / 1e9
+    return None, FIRST_SIGHT_S
 
 
 def _off(found: np.ndarray, true: np.ndarray) -> tuple[float, float]:

@@ -92,6 +92,17 @@ class MaskHead(Protocol):
         """Return the masks of what is in the boxes, shape (n, size, size)."""
 
 
+class Witness(Protocol):
+    """Says, apart from the detector, whether somebody is there."""
+
+    def person_in(self, picture: Picture, box: NDArray[np.float32]) -> float:
+        """Return the probability that a box, shape (4,), px, is a person's.
+
+        Raises:
+            PlatformError: the model gave what no such model gives.
+        """
+
+
 class Propagated(NamedTuple):
     """The tracked object in the next image."""
 

@@ -116,5 +116,6 @@ def _of_pictures(
         follower,
         least_score=SCORE if name == EMBEDDED else 0.0,
         key_frames=follower is not None and isinstance(detector, GroundingDino),
+        witness=heads,
     )
     return segmenter, "; ".join(str(network) for part in parts for network in part.networks)

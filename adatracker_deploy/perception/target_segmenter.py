@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from adatracker_deploy.core.messages import Click, Frame
-    from adatracker_deploy.perception.roles import Detector, MaskHead, Masks, Propagator
+    from adatracker_deploy.perception.roles import Detector, MaskHead, Masks, Propagator, Witness
 
 PERSON = "person"
 LEAST_OBSTACLE_SCORE = 0.5
@@ -58,6 +58,7 @@ class TargetSegmenter:
         propagator: follows the target's mask, also where the detector misses the target.
         key_frames: do not ask the detector while the propagator sees the target and the lock agreed in the
             picture before: for slow detectors. Nobody else and no obstacle is known in between.
+        witness: asked about people of whom the detector is not sure, while the target is chosen.
     """
 
     needs_truth = False
@@ -71,6 +72,7 @@ class TargetSegmenter:
         *,
         least_score: float = 0.0,
         key_frames: bool = False,
+        witness: Witness | None = None,
     ) -> None:
         self._detector = detector
         self._mask_head = mask_head
@@ -78,6 +80,7 @@ class TargetSegmenter:
         self._propagation = Propagation(propagator) if propagator else None
         self._least_score = least_score
         self._key_frames = key_frames
+        self._witness = witness
         self.reset()
 
     def reset(self) -> None:
@@ -162,7 +165,9 @@ class TargetSegmenter:
             locked = self._picked(frame.click, frame, locked)
         if self._first_sight is None:
             return None if locked is None else self._seen_since(locked)
-        place = self._first_sight(people, width, height, frame.t_ns)
+        witness = self._witness
+        vote = (lambda at: witness.person_in(frame.rgb, people.boxes[at])) if witness else None
+        place = self._first_sight(people, width, height, frame.t_ns, vote)
         if place is None:
             return None
         self._first_sight = None

@@ -61,6 +61,25 @@ class Colours:
         )
 
 
+class Unsure(Colours):
+    """Half as sure of everybody."""
+
+    def __call__(self, picture, tall=None):
+        found = super().__call__(picture, tall)
+        return replace(found, scores=found.scores / 2)
+
+
+class Word:
+    """Implements `Witness`: a person is who has one colour."""
+
+    def __init__(self, colour):
+        self.colour = colour
+
+    def person_in(self, picture, box):
+        left, top, right, bottom = box.astype(int)
+        return float((picture[top:bottom, left:right] == self.colour).all(axis=2).mean() > 0.5)
+
+
 class CutOut:
     """Implements `MaskHead`: a person is what has a known colour in the middle of the box."""
 
@@ -135,6 +154,14 @@ def look(*things, detector=None, mask_head=None, target="best"):
         film(scene(*things)), TargetSegmenter(detector or Colours(), mask_head, Choice.read(target))
     )
     return seen
+
+
+@pytest.mark.parametrize(("colour", "left"), [(RED, 50), (GREEN, 250)])
+def test_of_people_in_doubt_whom_a_witness_sees_becomes_the_target(colour, left):
+    picture = scene((RED, 50, 60, 120, 180), (GREEN, 250, 60, 320, 180))
+    segmenter = TargetSegmenter(Unsure(), None, Choice.read("largest"), witness=Word(colour))
+    seen = watch(film(*[picture] * 3), segmenter)
+    assert seen[-1].box.cx * COLUMNS == pytest.approx(left + 35)
 
 
 def part(*corners):

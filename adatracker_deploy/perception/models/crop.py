@@ -40,6 +40,16 @@ class Crop:
         crop = cv2.warpAffine(picture, there, (SIDE, SIDE), flags=cv2.INTER_LINEAR)
         return np.asarray(np.multiply(crop, np.float32(1 / 255))[None])
 
+    def covered(self, value: NDArray[np.float32]) -> float:
+        """Return the share of the person's box that is the person's.
+
+        Args:
+            value: the probability of each px of the crop, shape (SIDE, SIDE).
+        """
+        box = (self.box - np.tile(self.middle, 2)) * self.scale + SIDE / 2
+        (left, top), (right, bottom) = np.floor(box[:2]).astype(int), np.ceil(box[2:]).astype(int)
+        return float((value[top:bottom, left:right] > _ABOVE).mean())
+
     def mask(self, value: NDArray[np.float32], shape: tuple[int, ...], size: int) -> NDArray[np.bool_]:
         """Return the mask (size, size) over the whole picture, nothing of it outside the person's box.
 

@@ -61,6 +61,14 @@ def test_whom_the_network_doubts_the_other_cuts_out(tmp_path, sure, cut_out):
     within_a_cell(mask, LEFT, SHAPE)
 
 
+@pytest.mark.parametrize("sure", [0.3, 0.97])
+def test_whether_a_box_is_a_persons_is_the_networks_word_unless_it_marks_nobody_in_it(tmp_path, sure):
+    """The square crop around somebody slender shows who stands beside."""
+    head, beside = heads(tmp_path, sure), np.array(LEFT, np.float32) + np.array([70, 0] * 2, np.float32)
+    assert head.person_in(red(LEFT), np.array(LEFT, np.float32)) == pytest.approx(sure)
+    assert head.person_in(red(LEFT), beside) == 0.0
+
+
 def test_nobody_has_no_mask(tmp_path):
     assert heads(tmp_path)(red(), np.empty((0, 4), np.float32), SIZE).shape == (0, SIZE, SIZE)
 

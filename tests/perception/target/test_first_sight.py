@@ -12,9 +12,11 @@ from adatracker_deploy.perception.target.choice import Choice
 from adatracker_deploy.perception.target.first_sight import (
     LEAST_SCORE,
     PATIENCE_S,
+    SURE_SCORE,
     TRUSTED_S,
     TRUSTED_SCORE,
     TRUSTED_SIGHTS,
+    VOUCHED_S,
     FirstSight,
 )
 
@@ -114,3 +116,53 @@ def test_whoever_is_chosen_is_in_that_picture_and_not_nobody(pictures, rule):
             assert found[place][1] >= LEAST_SCORE
             assert number + 1 >= TRUSTED_SIGHTS
             return
+
+
+def first_vouched(pictures, witness):
+    """Return after how long somebody is chosen, s, and their box; None if nobody is.
+
+    The witness is given a box; it is asked once a picture at most, for it takes as long as the target's mask.
+    """
+    first_sight = FirstSight(Choice())
+    for number, found in enumerate(pictures):
+        crowd, asked = people(*found), []
+
+        def vote(place, crowd=crowd, asked=asked):
+            asked.append(place)
+            return witness(tuple(crowd.boxes[place].tolist()))
+
+        place = first_sight(crowd, WIDTH, HEIGHT, round(number * 1e9 / RATE_HZ), vote)
+        assert len(asked) <= 1
+        if place is not None:
+            return number / RATE_HZ, tuple(crowd.boxes[place].tolist())
+    return None
+
+
+def test_whom_the_detector_hardly_sees_is_chosen_on_the_word_of_a_witness():
+    pictures = [[(NEAR, 0.22)] if number % 2 else [] for number in range(40)]
+    after_s, box = first_vouched(pictures, lambda box: 0.99)
+    assert box == NEAR
+    assert VOUCHED_S <= after_s < PATIENCE_S
+    assert first_vouched(pictures, lambda box: 0.7) is None
+
+
+def test_of_whom_the_detector_is_sure_a_witness_may_be_in_doubt():
+    after_s, box = first_vouched([[(NEAR, SURE_SCORE + 0.05)]] * 10, lambda box: 0.6)
+    assert (after_s, box) == (TRUSTED_S, NEAR)
+
+
+def test_what_a_witness_sees_nobody_in_is_not_preferred_and_holds_nobody_up():
+    """A tree, nearer than the person, of which the detector thinks a little."""
+    tree = (0, 0, 300, 200)
+    for score in (0.3, SURE_SCORE + 0.1):
+        after_s, box = first_vouched([[(tree, score), (NEAR, 0.8)]] * 40, lambda box: float(box != tree))
+        assert box == NEAR
+        assert after_s < 1.0
+
+
+def test_who_is_there_for_long_is_chosen_against_a_witness_that_knows_only_who_stands():
+    """Somebody on a skateboard; but what the detector hardly sees stays nobody."""
+    after_s, box = first_vouched([[(NEAR, TRUSTED_SCORE + 0.05)]] * 40, lambda box: 0.1)
+    assert box == NEAR
+    assert after_s == pytest.approx(PATIENCE_S, abs=0.11)
+    assert first_vouched([[(NEAR, TRUSTED_SCORE - 0.05)]] * 60, lambda box: 0.1) is None
