@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import importlib.util
 import math
+import weakref
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -50,6 +51,7 @@ _QUIET = (
     "textures-power-2 up",
     "sync-video false",
     "model-cache-dir",
+    "garbage-collect-states false",  # which hold textures, and are collected only while something is drawn
 )
 
 
@@ -106,6 +108,7 @@ class Renderer:
         self._p3d = p3d
         self._daylight = daylight
         self._root = p3d.NodePath("world")
+        weakref.finalize(self, self._root.clear_light)  # a lit node and its light keep each other
         self._root.set_shader_off()
         light(self._root, daylight)
         self._sky = self._root.attach_new_node(sky(scene, daylight, seed))
@@ -277,6 +280,7 @@ class _View:
         )
         if self._buffer is None:
             raise UsageError("panda3d cannot draw on this machine: its software rasteriser did not start")
+        weakref.finalize(self, _let_go, self._buffer)
         self._buffer.set_active(False)
         self._buffer.set_clear_color((0.0, 0.0, 0.0, 1.0))
         self._texture = p3d.Texture("picture")
@@ -293,6 +297,13 @@ class _View:
         self._buffer.set_active(False)  # other views of this process are drawn in their own turn
         data = np.frombuffer(self._texture.get_ram_image(), np.uint8)
         return np.ascontiguousarray(data.reshape(height, width, 4)[::-1])
+
+
+def _let_go(buffer: Any) -> None:
+    """Free a buffer, which the engine would keep, and what it shows."""
+    buffer.remove_all_display_regions()
+    buffer.clear_render_textures()
+    _engine()[0].remove_window(buffer)
 
 
 def _camera_matrix(pose: Pose) -> NDArray[np.float64]:
