@@ -28,7 +28,7 @@ LEAST_SCORE = 0.2
 TRUSTED_SCORE = 0.35
 """Least mean score of somebody who is chosen without a witness, or after `PATIENCE_S` despite it."""
 SURE_SCORE = 0.5
-"""Mean score from which on a witness may be in doubt."""
+"""Mean score from which on somebody is there unless a witness refutes it; below, it must vouch for them."""
 VOUCHED, REFUTED = 0.9, 0.5
 """Mean probability of a person, by the witness, from which on somebody is there, and below which nobody is.
 Of 200 rendered starts with two other people, 198 begin with the right person; by the detector alone 195, four
