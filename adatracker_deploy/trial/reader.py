@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple, TypeVar
 
 import yaml
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
@@ -309,7 +309,8 @@ def trial_file(path: Path) -> Path:
         UsageError: there is none.
     """
     try:
-        candidates = [path / FILE_NAME, path / PART_NAME] if path.is_dir() else [path]
+        # the second look at the first: its writer may have finished it in between
+        candidates = [path / FILE_NAME, path / PART_NAME, path / FILE_NAME] if path.is_dir() else [path]
         for candidate in candidates:
             if candidate.is_file():
                 return candidate
@@ -326,12 +327,22 @@ def _records(path: Path, wanted: Callable[[str, int], bool]) -> Iterator[tuple[s
         UsageError: the file cannot be read, or is not MCAP.
     """
     try:
-        with path.open("rb") as stream:
+        with _opened(path) as stream:
             if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
                 raise UsageError(f"{path}: not an MCAP file")
             yield from whole_records(stream, wanted)
     except (OSError, McapError) as error:
         raise UsageError(f"{path}: cannot be read ({_one_line(error)})") from error
+
+
+def _opened(path: Path) -> BinaryIO:
+    """Open a log for reading; one whose writer has finished it since it was found, by its new name."""
+    try:
+        return path.open("rb")
+    except FileNotFoundError:
+        if path.name != PART_NAME:
+            raise
+        return path.with_name(FILE_NAME).open("rb")
 
 
 def _frame(seq: int, camera: bytes, mask: bytes) -> LoggedFrame:

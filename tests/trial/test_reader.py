@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -14,7 +15,8 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from adatracker_deploy.core.errors import UsageError
-from adatracker_deploy.trial.reader import find_trials, read_scored, read_trial
+from adatracker_deploy.trial.folder import FILE_NAME, PART_NAME
+from adatracker_deploy.trial.reader import find_trials, read_scored, read_trial, trial_file
 from tests.trial.records import a_step, a_trial, scored
 
 STEPS = 6
@@ -152,6 +154,30 @@ def rewrite(source, target, compression):
             elif isinstance(record, Metadata):
                 writer.add_metadata(record.name, record.metadata)
         writer.finish()
+
+
+def test_a_log_that_is_finished_while_it_is_read_is_read_on(whole, tmp_path):
+    """A killed tracker's writer may finish the log between two of a report's looks into it."""
+    part = tmp_path / PART_NAME
+    part.write_bytes(whole.read_bytes())
+    trial = read_trial(part)
+    part.rename(tmp_path / FILE_NAME)
+    assert [mask.seq for mask in trial.masks()] == [mask.seq for mask in read_trial(whole).masks()]
+
+
+def test_a_log_that_is_finished_while_it_is_looked_for_is_found(whole, tmp_path, monkeypatch):
+    """It becomes whole after nobody found it whole, and before anybody sees that it was not."""
+    part, is_file = tmp_path / PART_NAME, Path.is_file
+    part.write_bytes(whole.read_bytes())
+
+    def finished_meanwhile(path):
+        found = is_file(path)
+        if path.name == FILE_NAME and is_file(part):
+            part.rename(path)
+        return found
+
+    monkeypatch.setattr(Path, "is_file", finished_meanwhile)
+    assert trial_file(tmp_path).name == FILE_NAME
 
 
 def test_trials_are_found_in_folders_of_folders_whole_or_not(whole, tmp_path):
