@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import gc
 import math
-import resource
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +14,7 @@ from adatracker_deploy.core.messages import MaskClass
 from adatracker_deploy.sim import World, scene_names
 from adatracker_deploy.sim.render import renderer
 from adatracker_deploy.sim.render.figure import shipped_people
+from benchmarks.perception import resident_mib
 from tests.tiers import EXHAUSTIVE
 
 pytest.importorskip("panda3d", reason="needs the extra 'world'")
@@ -126,10 +125,6 @@ def test_without_what_draws_it_is_said_what_to_install(monkeypatch):
     monkeypatch.setattr(renderer.importlib.util, "find_spec", lambda name: None)
     with pytest.raises(UsageError, match=r"need panda3d and panda3d-gltf: pip install .*\[world\]"):
         renderer.check_renderer()
-
-
-def resident_mib():
-    return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() / 2**20
 
 
 def test_a_renderer_that_is_let_go_frees_its_scene():
