@@ -24,7 +24,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--method",
-        choices=("dagger", "cloning", "awr", "cql_sac"),
+        choices=("dagger", "cloning", "awr", "td3", "cql_sac"),
         default="dagger",
         help="training method (default: %(default)s)",
     )
@@ -53,11 +53,13 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--rate", metavar="R", type=float, help="learning rate (default: the method's)")
     parser.add_argument("--updates", metavar="N", type=int, help="updates in all")
-    parser.add_argument("--critic-updates", metavar="N", type=int, help="updates of awr's critics, at first")
+    parser.add_argument(
+        "--critic-updates", metavar="N", type=int, help="updates of the critics of awr or td3, at first"
+    )
     parser.add_argument(
         "--conservative", metavar="W", type=float, help="weight of the conservative term in awr's critics"
     )
-    parser.add_argument("--rounds", metavar="N", type=int, help="rounds of DAgger")
+    parser.add_argument("--rounds", metavar="N", type=int, help="rounds of visits, of dagger or td3")
     parser.add_argument("--round-steps", metavar="N", type=int, help="steps visited in each round")
     parser.add_argument("--batch", metavar="N", type=int, help="sequences per batch")
     parser.add_argument("--length", metavar="N", type=int, help="steps per sequence")

@@ -320,7 +320,16 @@ class ContextPolicy(nn.Module):
         beliefs: Tensor | None = None,
     ) -> tuple[Tensor, LstmState | None]:
         """Return x (B, T, H) and the state after the last step, of the backbone's features (B, T, F)."""
-        u = torch.cat([part for part in (features, z, last_actions, beliefs) if part is not None], dim=-1)
+        return self.remember(self.inputs(features, z, last_actions, beliefs), state)
+
+    def inputs(
+        self, features: Tensor, z: Tensor | None, last_actions: Tensor | None, beliefs: Tensor | None
+    ) -> Tensor:
+        """Return u (B, T, U), what the memory reads, in the order of `AdaTrackerConfig.inputs`."""
+        return torch.cat([part for part in (features, z, last_actions, beliefs) if part is not None], dim=-1)
+
+    def remember(self, u: Tensor, state: LstmState | None = None) -> tuple[Tensor, LstmState | None]:
+        """Return x (B, T, H) and the state after the last step, of `inputs`."""
         if isinstance(self.memory, nn.LSTM):
             x, state = self.memory(u, state)
             return x, state

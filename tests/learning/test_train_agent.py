@@ -78,6 +78,7 @@ def batch_of(masks, actions, past, *, pooled=False):
         states=np.zeros((count, length, len(COLUMNS)), np.float32),
         beliefs=beliefs,
         responses=responses,
+        inputs=np.zeros((count, length, 0), np.float32),
     )
 
 

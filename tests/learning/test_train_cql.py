@@ -92,6 +92,7 @@ def sequences(length, **changes):
         states=torch.zeros(1, length, len(COLUMNS)),
         beliefs=torch.zeros(1, length, 0),
         responses=torch.zeros(1, length, 0),
+        inputs=torch.zeros(1, length, 0),
     )
     return replace(blank, **changes)
 

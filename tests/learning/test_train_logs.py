@@ -45,9 +45,12 @@ def test_a_policy_is_trained_from_logs_alone(trials, tmp_path, method, monkeypat
     assert trained(trials, tmp_path / "run", method, resume=True)[0] == path
 
 
-def test_dagger_asks_an_expert_and_is_refused(trials, tmp_path):
-    with pytest.raises(UsageError, match="whom logged trials do not have"):
-        trained(trials, tmp_path / "run", "dagger")
+@pytest.mark.parametrize(
+    ("method", "why"), [("dagger", "asks an expert, whom"), ("td3", "the true state, which")]
+)
+def test_what_asks_for_more_than_logs_hold_is_refused(trials, tmp_path, method, why):
+    with pytest.raises(UsageError, match=f"{why} logged trials do not have"):
+        trained(trials, tmp_path / "run", method)
     assert not (tmp_path / "run").exists()
 
 

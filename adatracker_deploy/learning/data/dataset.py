@@ -71,6 +71,8 @@ class Batch:
     """(B, L, `belief.SIZE`); no columns unless the data are `told` it."""
     responses: NDArray[np.float32]
     """(B, L, `response.SIZE`); likewise."""
+    inputs: NDArray[np.float32]
+    """(B, L, U), what a policy's memory reads; no columns unless the data have them, and then no masks."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,6 +116,7 @@ class Dataset:
         nothing = np.zeros((len(steps), 0), np.float32)
         self._told = Told(nothing, nothing)
         self._statistics = np.zeros((len(steps), 0), np.float16)
+        self._inputs = np.zeros((len(steps), 0), np.float16)
         bodies = [(header.body, header.change) for header in headers]
         self._bodies = np.array(
             [[described(body), described(change.of(body) if change else body)] for body, change in bodies],
@@ -183,12 +186,19 @@ class Dataset:
         )
         both._told = Told(*(np.concatenate(pair) for pair in zip(self._told, other._told, strict=True)))
         both._statistics = np.concatenate((self._statistics, other._statistics))
+        both._inputs = np.concatenate((self._inputs, other._inputs))
         return both
 
     def with_statistics(self, statistics: NDArray[np.float16]) -> Self:
         """Return the same data, with the `mask_statistics` (T, F) of each of its masks."""
         found = copy.copy(self)
         found._statistics = statistics
+        return found
+
+    def with_inputs(self, inputs: NDArray[np.float16]) -> Self:
+        """Return the same data, with what a policy's memory reads at each of its steps, (T, U)."""
+        found = copy.copy(self)
+        found._inputs = inputs
         return found
 
     def sample(self, rng: np.random.Generator, batch: int, length: int, history: int) -> Batch:
@@ -229,9 +239,12 @@ class Dataset:
         late = (place[:, history:] >= self._changes[episode][:, None]).astype(np.int64)
         body = self._bodies[episode[:, None], late]
         steps = self.steps
+        masks, statistics = steps.masks, self._statistics
+        if self._inputs.shape[1]:
+            masks, statistics = masks[:, :0], statistics[:, :0]
         return Batch(
-            packed=np.where(exists[..., None], steps.masks[index], np.uint8(0)),
-            statistics=np.where(exists[..., None], self._statistics[index], np.float32(0)),
+            packed=np.where(exists[..., None], masks[index], np.uint8(0)),
+            statistics=np.where(exists[..., None], statistics[index], np.float32(0)),
             actions=np.where(exists[..., None], steps.actions[index], np.float32(0)),
             experts=np.where(valid[..., None], steps.experts[now], np.float32(0)),
             rewards=np.where(valid, steps.rewards[now], np.float32(0)),
@@ -246,4 +259,5 @@ class Dataset:
             states=np.where(valid[..., None], steps.states[now], np.float32(0)),
             beliefs=np.where(valid[..., None], self._told.belief[now], np.float32(0)),
             responses=np.where(valid[..., None], self._told.response[now], np.float32(0)),
+            inputs=np.where(valid[..., None], self._inputs[now], np.float32(0)),
         )

@@ -47,10 +47,10 @@ class Perturbation:
         self._held = np.zeros(2)
 
     @classmethod
-    def drawn(cls, seed: int, share: float = 1.0) -> Perturbation:
+    def drawn(cls, seed: int, share: float = 1.0, levels: tuple[float, ...] = LEVELS) -> Perturbation:
         """Return an episode's, its level drawn."""
         rng = np.random.default_rng([seed, 0x9E47])
-        return cls(rng, LEVELS[int(rng.integers(len(LEVELS)))], share)
+        return cls(rng, levels[int(rng.integers(len(levels)))], share)
 
     def __call__(self, action: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the perturbed action to execute, shape (2,), in [-1, 1]."""

@@ -1,17 +1,19 @@
-"""Collects DAgger's data: many episodes in lock-step, driven by any policy, labelled by the expert.
+"""Collects what a policy visits: many episodes in lock-step, driven by any policy, labelled by the expert.
 
 Ross, Gordon and Bagnell, "A Reduction of Imitation Learning and Structured Prediction to No-Regret Online
 Learning" (AISTATS 2011): the states are the policy's, the labels the expert's, mixed with stretches in which
-the expert drives.
+the expert drives. Methods that learn from rewards have the policy perturbed instead.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.learning.data.perturbation import Perturbation
 from adatracker_deploy.learning.data.rollout import Rollout
 from adatracker_deploy.learning.data.shard import SHARD_STEPS, Record, joined_shard, shard_name, write_shard
 from adatracker_deploy.learning.seeds import training_seed
@@ -28,6 +30,19 @@ _MEAN_STRETCH = 15
 """Steps, on average, until it is drawn anew who drives."""
 _VISITED_SHARD = 1 << 20
 """Far from the shard numbers of `collect`, so that equal runs do not share their episodes' seeds."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Company:
+    """Who else has a say in what is executed."""
+
+    mix: float = 0.0
+    """Share of the steps in which the expert drives, in stretches of some 15 steps."""
+    levels: tuple[float, ...] = (0.0,)
+    """How strongly the policy's actions are perturbed (`perturbation`): one for each episode, as likely."""
+
+
+DAGGER = Company(mix=0.1)
 
 
 class BatchPolicy(Protocol):
@@ -52,7 +67,7 @@ def collect_visited(
     steps: int,
     out_dir: Path,
     seed: int,
-    mix: float = 0.1,
+    company: Company = DAGGER,
     envs: int = 32,
     progress: Callable[[int], None] | None = None,
 ) -> None:
@@ -64,7 +79,7 @@ def collect_visited(
         steps: how many.
         out_dir: made where it is missing; must hold no shards yet.
         seed: use another one for every round; equal seeds and policies give equal data.
-        mix: share of the steps in which the expert drives, in stretches of some 15 steps.
+        company: who else has a say.
         envs: E.
         progress: called now and then with the number of steps on disk.
 
@@ -85,7 +100,7 @@ def collect_visited(
         if progress is not None:
             progress(written)
 
-    for record in visit(recipe, policy, steps=steps, seed=seed, mix=mix, envs=envs):
+    for record in visit(recipe, policy, steps=steps, seed=seed, company=company, envs=envs):
         waiting.append(record)
         if sum(header.steps for header, _ in waiting) >= SHARD_STEPS:
             write()
@@ -94,11 +109,17 @@ def collect_visited(
 
 
 def visit(
-    recipe: Recipe, policy: BatchPolicy, *, steps: int, seed: int, mix: float = 0.1, envs: int = 32
+    recipe: Recipe,
+    policy: BatchPolicy,
+    *,
+    steps: int,
+    seed: int,
+    company: Company = DAGGER,
+    envs: int = 32,
 ) -> Iterator[Record]:
     """Yield episodes as they end, `steps` steps in all; see `collect_visited`."""
     rng = np.random.default_rng([seed, 0xDA66])
-    slots = [_Slot(recipe, seed, index) for index in range(min(envs, steps))]
+    slots = [_Slot(recipe, company, seed, index) for index in range(min(envs, steps))]
     last_actions = np.zeros((len(slots), 2), np.float32)
     resets = np.ones(len(slots), bool)
     made = 0
@@ -107,7 +128,7 @@ def visit(
         answers = policy(masks, last_actions, resets)
         for index, slot in enumerate(slots[: steps - made]):
             rollout = slot.rollout
-            last_actions[index] = slot.step(answers[index], mix, rng)
+            last_actions[index] = slot.step(answers[index], rng)
             resets[index] = rollout.ended
             if rollout.ended:
                 yield rollout.record()
@@ -120,8 +141,9 @@ def visit(
 class _Slot:
     """One of the places where an episode is under way; its episodes follow each other."""
 
-    def __init__(self, recipe: Recipe, seed: int, index: int) -> None:
+    def __init__(self, recipe: Recipe, company: Company, seed: int, index: int) -> None:
         self._recipe = recipe
+        self._company = company
         self._place = (seed, _VISITED_SHARD + index)
         self._episodes = 0
         self._expert_drives = False
@@ -129,14 +151,17 @@ class _Slot:
 
     def begin(self) -> None:
         """Begin the next episode."""
-        spec = self._recipe.draw(training_seed(*self._place, self._episodes))
+        episode = training_seed(*self._place, self._episodes)
+        spec = self._recipe.draw(episode)
         self.rollout = Rollout(spec, self._recipe.episode_steps, self._recipe.expert)
+        self._perturbation = Perturbation.drawn(episode, levels=self._company.levels)
         self._episodes += 1
 
-    def step(self, answer: NDArray[np.float32], mix: float, rng: np.random.Generator) -> NDArray[np.float32]:
-        """Execute the policy's answer or the expert's; return which it was, within [-1, 1]."""
+    def step(self, answer: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
+        """Execute the policy's answer or the expert's; return what it was, within [-1, 1]."""
         if rng.random() < 1.0 / _MEAN_STRETCH:
-            self._expert_drives = bool(rng.random() < mix)
-        action = np.clip(self.rollout.expert if self._expert_drives else answer, -1.0, 1.0)
+            self._expert_drives = bool(rng.random() < self._company.mix)
+        perturbed = self._perturbation(answer)
+        action = np.clip(self.rollout.expert if self._expert_drives else perturbed, -1.0, 1.0)
         self.rollout.step(action)
         return action

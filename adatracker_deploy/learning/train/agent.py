@@ -26,7 +26,7 @@ from adatracker_deploy.policy.drawing import colour_table
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from adatracker_deploy.learning.data.dataset import Batch
+    from adatracker_deploy.learning.data.dataset import Batch, Dataset
 
 _COLOURS = torch.from_numpy(
     (colour_table(ADATRACKER_MASK.palette, seed=0) * ADATRACKER_MASK.scale).astype(np.float32)
@@ -89,6 +89,8 @@ class Sequences:
     """(B, L, S), true; for critics alone."""
     beliefs: Tensor
     """(B, L, `belief.SIZE`); no columns where no policy is told."""
+    inputs: Tensor
+    """(B, L, U), what the policy's memory reads; no columns unless the data have them."""
 
     @classmethod
     def of(cls, batch: Batch) -> Self:
@@ -98,7 +100,7 @@ class Sequences:
             for name in cls.__dataclass_fields__
             if name not in ("kinds", "place")
         }
-        if batch.statistics.shape[-1]:
+        if batch.statistics.shape[-1] or batch.inputs.shape[-1]:
             kinds, place = np.zeros((0, 4, 4), np.uint8), np.zeros((*batch.packed.shape[:2], 0), np.int64)
         else:
             kinds, place = distinct_patches(batch.packed)
@@ -149,6 +151,12 @@ class Agent(nn.Module):
             sequences: on the networks' device.
             context_every: steps for which a context is kept.
         """
+        inputs, z = self.perceive(sequences, context_every)
+        x, _ = self.policy.remember(inputs)
+        return Recalled(x, z)
+
+    def perceive(self, sequences: Sequences, context_every: int) -> tuple[Tensor, Tensor | None]:
+        """Return what the policy's memory reads (B, L, U), and z; arguments as for `recall`."""
         front = self.policy.backbone
         if isinstance(front, PooledFront):
             features = front.of_statistics(sequences.statistics)
@@ -161,8 +169,7 @@ class Agent(nn.Module):
         last_actions = sequences.actions[:, past - 1 : -1] if self.config.last_action else None
         beliefs = sequences.beliefs if self.config.belief else None
         told = torch.cat((z, sequences.responses), dim=-1) if z is not None and self.config.response else z
-        x, _ = self.policy.recall(features[:, past:], told, None, last_actions, beliefs)
-        return Recalled(x, z)
+        return self.policy.inputs(features[:, past:], told, last_actions, beliefs), z
 
     def _contexts(self, encoder: ContextEncoder, features: Tensor, actions: Tensor, every: int) -> Tensor:
         """Return z (B, L, Z), made from the K pairs before every `every`-th step."""
@@ -170,3 +177,25 @@ class Agent(nn.Module):
         windows = pairs.unfold(1, self.config.history, every).transpose(2, 3)
         z = encoder.summarise(windows.flatten(0, 1)).reshape(*windows.shape[:2], -1)
         return z.repeat_interleave(every, dim=1)[:, : features.shape[1] - self.config.history]
+
+
+_TOGETHER = 16
+"""Episodes that are looked through at a time."""
+
+
+@torch.no_grad()
+def inputs_of(agent: Agent, data: Dataset) -> NDArray[np.float16]:
+    """Return what an agent's policy reads at each step of the data (T, U), with a context for each.
+
+    For methods that leave front and encoder as they are.
+    """
+    device = next(agent.parameters()).device
+    lengths = np.array([header.steps for header in data.headers])
+    parts = []
+    for together in np.array_split(np.arange(len(lengths)), range(_TOGETHER, len(lengths), _TOGETHER)):
+        length, past = int(lengths[together].max()), max(agent.config.history, 1)
+        batch = data.take(together, np.zeros_like(together), length, past)
+        inputs, _ = agent.perceive(Sequences.of(batch).to(device), context_every=1)
+        rows = inputs.half().cpu().numpy()
+        parts += [row[: lengths[index]] for index, row in zip(together, rows, strict=True)]
+    return np.concatenate(parts)

@@ -11,5 +11,7 @@ from adatracker_deploy.learning.train.dagger import Dagger
 class Cloning(Dagger):
     """Implements `Learner`: `Dagger`'s update, towards what was done instead of what an expert wanted."""
 
+    visits = None
+
     def _wanted(self, sequences: Sequences) -> Tensor:
         return sequences.actions[:, -sequences.valid.shape[1] :]

@@ -38,11 +38,13 @@ _GRID = (-0.9, 0.0, 0.9)
 _TARGET = "target_ahead_m_s"
 
 
-class StateCritics(nn.Module):
-    """Twin critics Q(s, a) and a policy pi(s), of states.
+class TwinCritics(nn.Module):
+    """Twin critics Q(s, a) of states.
 
     Args:
-        columns: of a state: the true one's, or what a log measured (`logged.COLUMNS`).
+        columns: of a state: the true one's, perhaps with more behind them, or what a log measured
+            (`logged.COLUMNS`).
+        width: of a critic's two hidden layers.
 
     Attributes:
         spread: by how much Q differs over actions, on average over the data; the unit of an advantage.
@@ -52,26 +54,56 @@ class StateCritics(nn.Module):
     std: Tensor
     spread: Tensor
 
-    def __init__(self, columns: tuple[str, ...] = COLUMNS) -> None:
+    def __init__(self, columns: tuple[str, ...] = COLUMNS, width: int = _WIDTH) -> None:
         super().__init__()
         states = len(columns)
         self._columns = columns
         moved = 3 if _TARGET in columns else 2
-        self.critics = nn.ModuleList(_network(states + 2 + moved, 1) for _ in range(2))
-        self.policy = _network(states, 2)
+        self.critics = nn.ModuleList(_network(states + 2 + moved, 1, width) for _ in range(2))
         self.register_buffer("mean", torch.zeros(states))
         self.register_buffer("std", torch.ones(states))
         self.register_buffer("spread", torch.zeros(()))
-
-    @property
-    def fitted(self) -> bool:
-        """Whether `fit` has run to its end."""
-        return bool(self.spread > 0)
 
     def values(self, states: Tensor, actions: Tensor) -> Tensor:
         """Return both critics' values (2, ...) of actions (..., 2) in states (..., S)."""
         seen = torch.cat((self._standard(states), actions, self._moved(states, actions)), dim=-1)
         return torch.stack([critic(seen).squeeze(-1) for critic in self.critics])
+
+    @torch.no_grad()
+    def measure_spread(self, states: Tensor) -> None:
+        """Set `spread` by states (..., S)."""
+        grid = torch.tensor(list(itertools.product(_GRID, _GRID)), device=self.mean.device)
+        actions = grid.reshape(-1, *[1] * (states.ndim - 1), 2).expand(-1, *states.shape[:-1], -1)
+        values = self.values(states.expand(len(grid), *states.shape), actions)
+        self.spread.copy_(values.mean(0).std(0).mean().clamp(min=1e-6))
+
+    def _standard(self, states: Tensor) -> Tensor:
+        standard: Tensor = (states - self.mean) / self.std
+        return standard
+
+    def _moved(self, states: Tensor, actions: Tensor) -> Tensor:
+        """Return what actions mean in this body, halved: speed, turn and, if known, speed to the target."""
+        forward, yaw = actions[..., 0], actions[..., 1]
+        ahead = torch.where(forward >= 0, self._of(states, "log_forward"), self._of(states, "log_backward"))
+        speed, turn = forward * ahead.exp(), yaw * self._of(states, "log_yaw").exp()
+        told = (speed, turn, speed - self._of(states, _TARGET)) if _TARGET in self._columns else (speed, turn)
+        return torch.stack(told, dim=-1) / 2
+
+    def _of(self, states: Tensor, column: str) -> Tensor:
+        return states[..., self._columns.index(column)]
+
+
+class StateCritics(TwinCritics):
+    """Twin critics and a policy pi(s) of the same states; arguments as for `TwinCritics`."""
+
+    def __init__(self, columns: tuple[str, ...] = COLUMNS) -> None:
+        super().__init__(columns)
+        self.policy = _network(len(columns), 2, _WIDTH)
+
+    @property
+    def fitted(self) -> bool:
+        """Whether `fit` has run to its end."""
+        return bool(self.spread > 0)
 
     def act(self, states: Tensor) -> Tensor:
         """Return the state policy's actions (..., 2) in [-1, 1]."""
@@ -102,7 +134,7 @@ class StateCritics(nn.Module):
         critic_loss = policy_loss = torch.zeros(())
         for update in range(updates):
             for optimizer in (critics, policy):
-                optimizer.param_groups[0]["lr"] = _rate(update / updates)
+                optimizer.param_groups[0]["lr"] = _RATE * falling(update / updates)
             moves = _Tensors(data.moves(rng, _BATCH), self.mean.device)
             critic_loss = self._critic_loss(moves, target, conservative)
             critics.zero_grad()
@@ -115,7 +147,7 @@ class StateCritics(nn.Module):
             with torch.no_grad():
                 for slow, fast in zip(target.parameters(), self.parameters(), strict=True):
                     slow.lerp_(fast, _FOLLOW)
-        self._measure_spread(_Tensors(data.moves(rng, _SPREAD_STATES), self.mean.device))
+        self.measure_spread(_Tensors(data.moves(rng, _SPREAD_STATES), self.mean.device).states)
         return {"critics": float(critic_loss.detach()), "state_policy": float(policy_loss.detach())}
 
     def _critic_loss(self, moves: _Tensors, target: StateCritics, conservative: float) -> Tensor:
@@ -138,28 +170,6 @@ class StateCritics(nn.Module):
         cloning = ((actions - moves.actions) ** 2).sum(-1).mean()
         return -worth.mean() / worth.detach().abs().mean().clamp(min=1e-6) + _CLONING * cloning
 
-    @torch.no_grad()
-    def _measure_spread(self, moves: _Tensors) -> None:
-        grid = torch.tensor(list(itertools.product(_GRID, _GRID)), device=self.mean.device)
-        actions = grid[:, None].expand(-1, len(moves.states), -1)
-        states = moves.states.expand(len(grid), -1, -1)
-        self.spread.copy_(self.values(states, actions).mean(0).std(0).mean().clamp(min=1e-6))
-
-    def _standard(self, states: Tensor) -> Tensor:
-        standard: Tensor = (states - self.mean) / self.std
-        return standard
-
-    def _moved(self, states: Tensor, actions: Tensor) -> Tensor:
-        """Return what actions mean in this body, halved: speed, turn and, if known, speed to the target."""
-        forward, yaw = actions[..., 0], actions[..., 1]
-        ahead = torch.where(forward >= 0, self._of(states, "log_forward"), self._of(states, "log_backward"))
-        speed, turn = forward * ahead.exp(), yaw * self._of(states, "log_yaw").exp()
-        told = (speed, turn, speed - self._of(states, _TARGET)) if _TARGET in self._columns else (speed, turn)
-        return torch.stack(told, dim=-1) / 2
-
-    def _of(self, states: Tensor, column: str) -> Tensor:
-        return states[..., self._columns.index(column)]
-
 
 class _Tensors:
     """`Moves` as float tensors."""
@@ -173,15 +183,15 @@ class _Tensors:
         self.nexts = on_device(moves.nexts)
 
 
-def _network(inputs: int, outputs: int) -> nn.Sequential:
+def _network(inputs: int, outputs: int, width: int) -> nn.Sequential:
     return nn.Sequential(
-        *(nn.Linear(inputs, _WIDTH), nn.LayerNorm(_WIDTH), nn.ReLU()),
-        *(nn.Linear(_WIDTH, _WIDTH), nn.LayerNorm(_WIDTH), nn.ReLU()),
-        nn.Linear(_WIDTH, outputs),
+        *(nn.Linear(inputs, width), nn.LayerNorm(width), nn.ReLU()),
+        *(nn.Linear(width, width), nn.LayerNorm(width), nn.ReLU()),
+        nn.Linear(width, outputs),
     )
 
 
-def _rate(done: float) -> float:
-    """Return the learning rate when a share `done` lies behind: constant, then falling to 5 %."""
-    falling = max(0.0, (done - _DECAY_FROM) / (1 - _DECAY_FROM))
-    return _RATE * (1 - (1 - _LAST_SHARE) * falling)
+def falling(done: float) -> float:
+    """Return the share of the learning rate when a share `done` lies behind: 1, then falling to 5 %."""
+    fallen = max(0.0, (done - _DECAY_FROM) / (1 - _DECAY_FROM))
+    return 1 - (1 - _LAST_SHARE) * fallen

@@ -13,6 +13,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from adatracker_deploy.learning.data.visit import DAGGER, Company
 from adatracker_deploy.learning.train.agent import Agent, Sequences
 from adatracker_deploy.learning.train.method import Learner, counted, imitate
 from adatracker_deploy.learning.train.settings import TrainSettings
@@ -25,6 +26,8 @@ _DECAY_FROM = 0.5
 
 class Dagger(Learner):
     """Implements `Learner`."""
+
+    visits: Company | None = DAGGER
 
     def __init__(self, agent: Agent, settings: TrainSettings) -> None:
         self.agent = agent

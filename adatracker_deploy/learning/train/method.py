@@ -15,15 +15,23 @@ from adatracker_deploy.learning.train.settings import BURN_IN, TrainSettings
 
 if TYPE_CHECKING:
     from adatracker_deploy.learning.data.dataset import Dataset
+    from adatracker_deploy.learning.data.visit import Company
 
 Say = Callable[[str], None]
 """Told in a line what happens now."""
 
 
 class Learner(Protocol):
-    """A method at work on an agent."""
+    """A method at work on an agent.
+
+    Attributes:
+        visits: how it visits states between its rounds of updates; None for a method that does not.
+        reads_inputs: it leaves front and encoder as they are, and reads `Sequences.inputs` alone.
+    """
 
     agent: Agent
+    visits: Company | None = None
+    reads_inputs: bool = False
 
     def prepare(self, data: Dataset, say: Say) -> bool:  # noqa: ARG002 - most methods need nothing
         """Do what the first update needs, once; return whether there was anything to do."""

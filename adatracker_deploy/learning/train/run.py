@@ -1,7 +1,7 @@
-"""One training run in one folder: rounds of updates, DAgger rollouts between them, snapshots for resuming.
+"""One training run in one folder: rounds of updates, visits between them, snapshots for resuming.
 
     training.pt   the latest snapshot       curves.csv     what the losses did
-    policy.pt     the policy as it stands   visited-N/     the data of DAgger's round N
+    policy.pt     the policy as it stands   visited-N/     what was visited for round N
 
 Every batch and every draw follows from the seed and the number of the update. So a run that was interrupted
 and resumed ends in the same weights, on the CPU to the bit, as one that was not.
@@ -29,7 +29,7 @@ from adatracker_deploy.learning.data.dataset import Dataset
 from adatracker_deploy.learning.data.recipe import load_recipe
 from adatracker_deploy.learning.episode_spec import RATE_HZ
 from adatracker_deploy.learning.tracking import ACTION
-from adatracker_deploy.learning.train.agent import Agent, Sequences, statistics_of
+from adatracker_deploy.learning.train.agent import Agent, Sequences, inputs_of, statistics_of
 from adatracker_deploy.learning.train.awr import Awr
 from adatracker_deploy.learning.train.cloning import Cloning
 from adatracker_deploy.learning.train.cql_sac import CqlSac
@@ -46,12 +46,14 @@ from adatracker_deploy.learning.train.snapshot import (
     write_policy,
     write_snapshot,
 )
+from adatracker_deploy.learning.train.td3 import Td3
 from adatracker_deploy.learning.train.visitor import visit_round
 from adatracker_deploy.policy.catalogue import find_bundle
 
 if TYPE_CHECKING:
     from torch import Tensor
 
+    from adatracker_deploy.learning.data.visit import Company
     from adatracker_deploy.learning.networks import AdaTrackerConfig
     from adatracker_deploy.policy.bundle import Bundle
 
@@ -101,11 +103,14 @@ def train(
     load_recipe(settings.recipe)
     base = Dataset.open(data)
     settings = replace(settings, logs=base.logged)
-    if base.logged and settings.method == "dagger":
+    lacking = {"dagger": "asks an expert, whom", "td3": "learns from the true state, which"}
+    if base.logged and settings.method in lacking:
         raise UsageError(
-            "--method dagger: asks an expert, whom logged trials do not have; "
+            f"--method {settings.method}: {lacking[settings.method]} logged trials do not have; "
             "cloning, awr and cql_sac learn from what was done"
         )
+    if settings.method == "td3":
+        _check_improves(settings)
     if snapshot is not None:
         check_same_run(snapshot, settings, len(base), out)
     learner = _learner(settings, device)
@@ -137,9 +142,23 @@ def _learner(settings: TrainSettings, device: str) -> Learner:
         "dagger": Dagger,
         "cloning": Cloning,
         "awr": Awr,
+        "td3": Td3,
         "cql_sac": CqlSac,
     }
     return learners[settings.method](agent, settings)
+
+
+def _check_improves(settings: TrainSettings) -> None:
+    """Refuse what `td3` makes nothing of.
+
+    Raises:
+        UsageError: there is no policy to improve, or a part that it does not train is to be left out.
+    """
+    if settings.init is None:
+        raise UsageError("--method td3: improves a policy that can drive; name its run or bundle by --init")
+    for variant in settings.variants:
+        if variant not in ("no-encoder", "no-lstm", "no-last-action"):
+            raise UsageError(f"--variant {variant}: td3 leaves the encoder as it is, and has no labels")
 
 
 def _begin_with(agent: Agent, other: str) -> None:
@@ -232,20 +251,21 @@ class _Run:
         if self._learner.prepare(self._dataset, say):
             self._save()
         curves = Curves(self._out, self._update, loggers)
-        rounds = self._settings.rounds if self._settings.method == "dagger" else 0
+        company = self._learner.visits
+        rounds = self._settings.rounds if company else 0
         try:
             for number in range(rounds + 1):
                 end = self._settings.updates * (number + 1) // (rounds + 1)
                 if self._update >= end:
                     continue
-                if number:
-                    self._visit(number, say)
+                if number and company:
+                    self._visit(number, company, say)
                 say(f"round {number} of {rounds}: {len(self._dataset)} steps of data, to update {end}")
                 self._improve(end, curves, tell)
         finally:
             curves.close()
 
-    def _visit(self, number: int, say: Say) -> None:
+    def _visit(self, number: int, company: Company, say: Say) -> None:
         """Check that the data of all rounds up to this one are there, and load them."""
         settings = self._settings
         folders = [self._out / f"visited-{index}" for index in range(1, number + 1)]
@@ -257,6 +277,7 @@ class _Run:
             folder=folders[-1],
             seed=[settings.seed, number],
             workers=self._workers,
+            company=company,
         )
         visited = Dataset.open(folders[-1:])
         reward = float(visited.steps.rewards.mean())
@@ -273,6 +294,8 @@ class _Run:
             data = data.told(believes=settings.belief, responds=settings.response)
         if settings.front == "pooled":
             data = data.with_statistics(statistics_of(data.steps.masks))
+        if self._learner.reads_inputs:
+            data = data.with_inputs(inputs_of(self._learner.agent, data))
         return data.searching() if searches else data
 
     def _improve(self, end: int, curves: Curves, tell: Tell) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from adatracker_deploy.config.schema import Range
 from adatracker_deploy.learning.networks import AdaTrackerConfig
 
-Method = Literal["dagger", "cloning", "awr", "cql_sac"]
+Method = Literal["dagger", "cloning", "awr", "td3", "cql_sac"]
 Variant = Literal[
     "no-identification",
     "no-dynamics",
@@ -41,14 +41,14 @@ class TrainSettings:
     seed: Annotated[int, Range(0, 1 << 31)] = 0
     updates: Annotated[int, Range(1, 10_000_000)] = 8000
     rounds: Annotated[int, Range(0, 100)] = 3
-    """Rounds of DAgger, after a first part of plain cloning; updates are spread evenly over all parts."""
+    """Rounds of visits, after a first part on the given data; updates are spread evenly over all parts."""
     round_steps: Annotated[int, Range(1, 100_000_000)] = 100_000
     """Steps that are visited for each round."""
     batch: Annotated[int, Range(1, 4096)] = 16
     length: Annotated[int, Range(2, 1000)] = 48
     """Length of a sequence, steps."""
     critic_updates: Annotated[int, Range(1, 1_000_000)] = 3000
-    """Updates of `awr`'s critics, before the policy's first."""
+    """Updates of `awr`'s and `td3`'s critics, before the policy's first."""
     conservative: Annotated[float, Range(0, 100)] = 0.0
     """Weight of the conservative term in the losses of `awr`'s critics."""
     logs: bool = False

@@ -1,4 +1,4 @@
-"""Rolls out the agent in many episodes at once, for DAgger."""
+"""Rolls out the agent in many episodes at once, for methods that visit."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from torch import Tensor
 
 from adatracker_deploy.core.messages import MaskClass
 from adatracker_deploy.learning.data.recipe import Recipe
-from adatracker_deploy.learning.data.visit import collect_visited
+from adatracker_deploy.learning.data.visit import DAGGER, Company, collect_visited
 from adatracker_deploy.learning.data.workers import in_processes
 from adatracker_deploy.learning.episode_spec import RATE_HZ
 from adatracker_deploy.learning.tracking import ACTION
@@ -100,7 +100,14 @@ _AT_ONCE = 16
 
 
 def visit_round(
-    agent: Agent, recipe: Recipe, *, steps: int, folder: Path, seed: list[int], workers: int
+    agent: Agent,
+    recipe: Recipe,
+    *,
+    steps: int,
+    folder: Path,
+    seed: list[int],
+    workers: int,
+    company: Company = DAGGER,
 ) -> list[Path]:
     """Fill a folder with the states that an agent visits, and return the folders of its parts.
 
@@ -113,12 +120,13 @@ def visit_round(
         folder: made where it is missing.
         seed: any numbers that name the round.
         workers: processes.
+        company: who else has a say.
     """
     size = _AT_ONCE * recipe.episode_steps
     parts = [folder / f"part-{index:03d}" for index in range(math.ceil(steps / size))]
     driver = copy.deepcopy(agent).cpu()
     jobs = [
-        (driver, recipe, min(size, steps - index * size), [*seed, index], part)
+        (driver, recipe, company, min(size, steps - index * size), [*seed, index], part)
         for index, part in enumerate(parts)
         if not part.exists()
     ]
@@ -127,7 +135,9 @@ def visit_round(
     return parts
 
 
-def _visit_part(agent: Agent, recipe: Recipe, steps: int, seed: list[int], part: Path) -> None:
+def _visit_part(  # noqa: PLR0917 - a job's arguments go by place
+    agent: Agent, recipe: Recipe, company: Company, steps: int, seed: list[int], part: Path
+) -> None:
     """Make one part; the folder appears under its name when it is complete."""
     unfinished = part.with_name(f".{part.name}")
     shutil.rmtree(unfinished, ignore_errors=True)
@@ -135,7 +145,15 @@ def _visit_part(agent: Agent, recipe: Recipe, steps: int, seed: list[int], part:
     threads = torch.get_num_threads()
     torch.set_num_threads(1)  # in a worker or not: its answers must be the same to the bit
     try:
-        collect_visited(recipe, Visitor(agent), steps=steps, out_dir=unfinished, seed=number, envs=_AT_ONCE)
+        collect_visited(
+            recipe,
+            Visitor(agent),
+            steps=steps,
+            out_dir=unfinished,
+            seed=number,
+            company=company,
+            envs=_AT_ONCE,
+        )
     finally:
         torch.set_num_threads(threads)
     unfinished.rename(part)

@@ -8,7 +8,7 @@ import pytest
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.data.dataset import Dataset
 from adatracker_deploy.learning.data.shard import unpack_masks
-from adatracker_deploy.learning.data.visit import collect_visited, visit
+from adatracker_deploy.learning.data.visit import Company, collect_visited, visit
 from tests.learning.data import tiny
 
 
@@ -26,7 +26,7 @@ class Witness:
 
 
 def test_the_policy_drives_and_the_expert_labels():
-    records = list(visit(tiny.recipe(), Witness(), steps=150, seed=0, mix=0.0, envs=3))
+    records = list(visit(tiny.recipe(), Witness(), steps=150, seed=0, company=Company(), envs=3))
     assert sum(header.steps for header, _ in records) == 150
     for _, steps in records:
         assert np.allclose(steps.actions, [0.0, 0.1])
@@ -34,7 +34,9 @@ def test_the_policy_drives_and_the_expert_labels():
 
 
 def test_with_everything_mixed_in_the_expert_drives_in_stretches():
-    (_, steps), *_ = visit(tiny.recipe(episode_steps=400), Witness(), steps=400, seed=0, mix=0.5, envs=1)
+    (_, steps), *_ = visit(
+        tiny.recipe(episode_steps=400), Witness(), steps=400, seed=0, company=Company(mix=0.5), envs=1
+    )
     by_expert = (steps.actions == steps.experts).all(axis=1)
     changes = np.abs(np.diff(by_expert.astype(int))).sum()
     assert 0.15 < by_expert.mean() < 0.85
@@ -43,7 +45,7 @@ def test_with_everything_mixed_in_the_expert_drives_in_stretches():
 
 def test_a_policy_sees_every_mask_that_is_stored_and_is_told_where_episodes_begin():
     witness = Witness()
-    records = list(visit(tiny.recipe(), witness, steps=100, seed=4, mix=0.5, envs=1))
+    records = list(visit(tiny.recipe(), witness, steps=100, seed=4, company=Company(mix=0.5), envs=1))
     stored = np.concatenate([unpack_masks(steps.masks) for _, steps in records])
     executed = np.concatenate([steps.actions for _, steps in records])
     starts = np.cumsum([0] + [header.steps for header, _ in records[:-1]])
@@ -69,3 +71,11 @@ def test_rounds_with_other_seeds_visit_other_episodes():
         for seed in (1, 2)
     ]
     assert not drawn[0] & drawn[1]
+
+
+def test_a_policy_is_perturbed_as_an_episodes_level_says_and_labelled_where_it_gets_to():
+    records = list(visit(tiny.recipe(), Witness(), steps=300, seed=0, company=Company(levels=(0.0, 1.0))))
+    moved = [not np.allclose(steps.actions, [0.0, 0.1]) for _, steps in records]
+    assert any(moved)
+    assert not all(moved)
+    assert all((np.abs(steps.actions) <= 1).all() for _, steps in records)
