@@ -39,14 +39,18 @@ _FOLLOW = 0.01
 """Soft update of the target critics."""
 _SMOOTHING, _MOST_SMOOTHING = 0.1, 0.3
 """Standard deviation and largest size of the noise on the next action, the source's idea; half its sizes."""
-_CRITIC_RATE, _RATE = 1e-3, 3e-5
+_CRITIC_RATE, _RATE = 1e-3, 6e-5
 _CLIP = 1.0
 _POLICY_EVERY = 2
 """Updates of the critics for one of the policy, the source's."""
 _SPREAD_EVERY = 100
-_FIRST_ANCHOR, _LAST_ANCHOR = 0.3, 0.1
-"""Weight of the squared distance from the actions of the policy that it began with, in units of the critics'
-spread; reached at half of the run."""
+_ANCHOR = 0.5
+"""Weight of the distance from the actions of the policy that it began with, in units of the critics' spread.
+A distance and not its square: an action stays where it was unless the critics promise more than this for
+moving it. They are smooth where the reward has its ridge (bearing zero, 2.5 m), so they know a good action a
+little worse than the policy does, and a square gives way to that everywhere (`docs/learning.md`)."""
+_NEAR = 0.02
+"""Distances below are rounded off, so that the gradient has no jump."""
 _LEAST_STD = 0.05
 """Of a state's column, so that what hardly varies in the first data does not blow up later."""
 
@@ -115,10 +119,7 @@ class Td3(Learner):
         if number % _SPREAD_EVERY == 0 or not self.critics.spread:
             self.critics.measure_spread(states[sequences.valid > 0])
         losses = {"loss": loss.detach()}
-        if improves:
-            anchor = _FIRST_ANCHOR + (_LAST_ANCHOR - _FIRST_ANCHOR) * min(1.0, 2 * done)
-            losses |= self._improve(states, actions, sequences.inputs, weight, anchor)
-        return losses
+        return losses | self._improve(states, actions, sequences.inputs, weight) if improves else losses
 
     def _critic_loss(self, states: Tensor, actions: Tensor, sequences: Sequences, weight: Tensor) -> Tensor:
         """Return the twins' mean squared error to one step of reward and the value of what follows."""
@@ -132,18 +133,16 @@ class Td3(Learner):
         follows = functional.pad(sequences.valid[:, 1:], (0, 1))
         return mean_where(error, weight * torch.maximum(follows, sequences.done))
 
-    def _improve(
-        self, states: Tensor, actions: Tensor, inputs: Tensor, weight: Tensor, anchor: float
-    ) -> dict[str, Tensor]:
+    def _improve(self, states: Tensor, actions: Tensor, inputs: Tensor, weight: Tensor) -> dict[str, Tensor]:
         """Take one step with the policy."""
         with torch.no_grad():
             before = _acts(self._begun, inputs)
         self.critics.requires_grad_(False)
         worth = mean_where(self.critics.values(states, actions).mean(0), weight)
         self.critics.requires_grad_(True)
-        apart = mean_where(((actions - before) ** 2).sum(-1), weight)
+        apart = mean_where((((actions - before) ** 2).sum(-1) + _NEAR**2).sqrt(), weight)
         self._optimizer.zero_grad()
-        (anchor * apart - worth / self.critics.spread).backward()  # type: ignore[no-untyped-call]
+        (_ANCHOR * apart - worth / self.critics.spread).backward()  # type: ignore[no-untyped-call]
         nn.utils.clip_grad_norm_(self._acting, _CLIP)
         self._optimizer.step()
         return {"worth": worth.detach(), "apart": apart.detach()}
