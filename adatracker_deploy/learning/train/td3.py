@@ -33,10 +33,7 @@ if TYPE_CHECKING:
     from adatracker_deploy.learning.data.dataset import Dataset
     from adatracker_deploy.learning.networks import ContextPolicy
 
-_DISCOUNT = 0.97
-_LOST = -1.0
-"""The value of a lost episode: as if it went on, and was lost for ever. Were it 0, as the task's own sum has
-it, an early end would be better than to go on after a target that is mostly out of view."""
+_DISCOUNT = 0.95
 _WIDTH = 256
 _FOLLOW = 0.01
 """Soft update of the target critics."""
@@ -130,12 +127,11 @@ class Td3(Learner):
             noise = (torch.randn_like(actions) * _SMOOTHING).clamp(-_MOST_SMOOTHING, _MOST_SMOOTHING)
             nexts = _next((actions + noise).clamp(-1.0, 1.0))
             worth = self._targets.values(_next(states), nexts).amin(0)
-            follows = torch.where(sequences.done > 0, _LOST, worth)
-            returns = sequences.rewards * (1 - _DISCOUNT) + _DISCOUNT * follows
+            returns = sequences.rewards * (1 - _DISCOUNT) + _DISCOUNT * (1 - sequences.done) * worth
         executed = sequences.actions[:, -weight.shape[1] :]
         error = ((self.critics.values(states, executed) - returns) ** 2).mean(0)
-        known = torch.maximum(functional.pad(sequences.valid[:, 1:], (0, 1)), sequences.done)
-        return mean_where(error, weight * known)
+        follows = functional.pad(sequences.valid[:, 1:], (0, 1))
+        return mean_where(error, weight * torch.maximum(follows, sequences.done))
 
     def _improve(self, states: Tensor, actions: Tensor, inputs: Tensor, weight: Tensor) -> dict[str, Tensor]:
         """Take one step with the policy."""
