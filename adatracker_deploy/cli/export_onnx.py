@@ -35,6 +35,12 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument(
         "--licence", metavar="TEXT", help="licence of the weights (default: the checkpoint's)"
     )
+    parser.add_argument(
+        "--search",
+        action="store_true",
+        help="have it turn to the side of the last sight once the target may have left its view; for those "
+        "that were trained with --belief",
+    )
     parser.add_argument("--force", action="store_true", help="replace the bundle in DIR")
     parser.set_defaults(run=run)
 
@@ -59,6 +65,7 @@ def run(args: argparse.Namespace) -> int:
         name=args.name,
         rate_hz=args.rate_hz,
         licence=args.licence,
+        search=args.search,
         force=args.force,
     )
     action = ", ".join(f"{'-' if entry.sign < 0 else '+'}{entry.axis}" for entry in manifest.action)

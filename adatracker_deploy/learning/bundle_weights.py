@@ -83,6 +83,7 @@ def _rebuilt(bundle: Bundle) -> AdaTracker:
         rate_hz=manifest.rate_hz,
         training=manifest.training,
         licence=manifest.licence,
+        search=manifest.search,
     )
     return AdaTracker(torch_encoder, torch_policy.eval(), meta)
 

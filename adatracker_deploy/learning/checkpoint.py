@@ -41,6 +41,7 @@ class CheckpointMeta:
     rate_hz: Annotated[float, Range(1, 100)]
     training: str
     licence: str
+    search: bool = False
 
 
 @dataclass(frozen=True, slots=True)

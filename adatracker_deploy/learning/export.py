@@ -61,6 +61,7 @@ def export_checkpoint(
     name: str | None = None,
     rate_hz: float | None = None,
     licence: str | None = None,
+    search: bool = False,
     force: bool = False,
 ) -> Manifest:
     """Write the bundle of a checkpoint, after checking that it loads and gives torch's answers.
@@ -73,6 +74,7 @@ def export_checkpoint(
         name: instead of the checkpoint's.
         rate_hz: instead of the checkpoint's.
         licence: instead of the checkpoint's.
+        search: it gives way to a search once the target may have left the view; needs a belief.
         force: replace what a folder that is not empty holds of a bundle.
 
     Returns:
@@ -86,11 +88,13 @@ def export_checkpoint(
         raise UsageError(f"{out}: is a file; name a folder for the bundle")
     if out.is_dir() and any(out.iterdir()) and not force:
         raise UsageError(f"{out}: is not empty; name another folder, or replace the bundle with --force")
-    given = {"name": name, "rate_hz": rate_hz, "licence": licence}
+    given = {"name": name, "rate_hz": rate_hz, "licence": licence, "search": search or None}
     overrides = {key: value for key, value in given.items() if value is not None}
     meta = parse(CheckpointMeta, asdict(checkpoint.meta) | overrides, where=str(path))
     if interface is not None and (isinstance(checkpoint, OfflineEvt) or checkpoint.encoder is None):
         raise UsageError(f"{path}: has no context encoder, so no interface {interface!r}; leave that out")
+    if meta.search and (isinstance(checkpoint, OfflineEvt) or not checkpoint.policy.config.belief):
+        raise UsageError(f"{path}: was trained without a belief, which tells when to search")
     if isinstance(checkpoint, AdaTracker):
         parts = _adatracker(checkpoint, meta, interface or "streaming")
     else:
@@ -177,6 +181,7 @@ def _manifest(
         history=history,
         context=context,
         response=response,
+        search=meta.search,
         mask=meta.mask,
         action=meta.action,
         rate_hz=meta.rate_hz,

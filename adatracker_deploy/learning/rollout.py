@@ -62,6 +62,8 @@ def _adatracker(checkpoint: AdaTracker, masks: Tensor) -> dict[str, Array]:
         before = last_action if config.last_action else None
         mean, _, state = policy(mask[None, None], z, state, before, believed)
         last_action = torch.tanh(mean)
+        if meta.search:
+            last_action = torch.from_numpy(past.searched(last_action.numpy(), meta.action))
         past_actions[tick + config.history] = last_action[0, 0]
     answers = {"action": past_actions[config.history :].numpy()}
     if config.belief:

@@ -26,9 +26,21 @@ Array = NDArray[np.float32]
 SIGHT = ("seen", "left", "up", "width", "height")
 """Columns of a sight: 1 or 0; the target's centre from the middle, in half pictures, left and up positive;
 its width and height as shares of the picture. All 0 where there is no target."""
-STATE = ("seen", "gap_s", "left", "up", "width", "height", "pace_rad_s", "turned_s", "driven_s")
+STATE = (
+    "seen",
+    "gap_s",
+    "left",
+    "up",
+    "width",
+    "height",
+    "pace_rad_s",
+    "turned_s",
+    "driven_s",
+    "usual_rad_s",
+)
 """Columns of a state: the last sight; the time since; the target's angular speed about the camera; the yaw
-and the forward command since, each a fraction of its limit times seconds (left and forward positive)."""
+and the forward command since, each a fraction of its limit times seconds (left and forward positive); the
+root mean square of the angular speed while it was seen."""
 COLUMNS = (
     *("seen", "gap", "left", "up", "width", "height", "pace", "turned", "driven"),
     *("bearing_sin", "bearing_cos"),
@@ -54,12 +66,15 @@ what a belief is worth. A pace measured over a longer gap is none."""
 _SMOOTH_S = 0.3
 """Time constant of the pace: a walking person's outline sways with every stride."""
 _MOST_PACE_RAD_S = 3.0
+_USUAL_RAD_S, _USUAL_S = 0.5, 3.0
+"""What the usual angular speed is before anything was seen, and the time constant with which it is learnt."""
 
 
 def initial(*shape: int) -> Array:
     """Return the state before the first picture, (*shape, len(STATE)): nothing was ever seen."""
     state = np.zeros((*shape, len(STATE)), np.float32)
     state[..., STATE.index("gap_s")] = LONGEST_S
+    state[..., STATE.index("usual_rad_s")] = _USUAL_RAD_S
     return state
 
 
@@ -110,7 +125,7 @@ def advance(state: Array, sight: Array, drive: Array, period_s: float) -> Array:
         drive: (..., 2), commanded since the picture before: forward and yaw, fractions of the limits.
         period_s: between two pictures.
     """
-    _, gap, left, up, width, height, pace, turned, driven = np.moveaxis(state, -1, 0)
+    _, gap, left, up, width, height, pace, turned, driven, usual = np.moveaxis(state, -1, 0)
     now = np.clip(drive, -1.0, 1.0) * np.float32(period_s)
     turned = np.clip(turned + now[..., 1], -_MOST_DRIVE_S, _MOST_DRIVE_S)
     driven = np.clip(driven + now[..., 0], -_MOST_DRIVE_S, _MOST_DRIVE_S)
@@ -119,20 +134,23 @@ def advance(state: Array, sight: Array, drive: Array, period_s: float) -> Array:
     swept = bearing_of(sight[..., 1]) - bearing_of(left) + NOMINAL_YAW_RAD_S * turned
     measured = np.clip(swept / since, -_MOST_PACE_RAD_S, _MOST_PACE_RAD_S)
     smoothed = pace + (measured - pace) * since / (_SMOOTH_S + since)
+    pace = np.where(seen, np.where(since <= _COAST_S, smoothed, 0.0), pace)
+    learnt = np.where(seen, np.float32(period_s / _USUAL_S), 0.0)
     values = (
         seen,
         np.where(seen, 0.0, np.minimum(since, LONGEST_S)),
         *(np.where(seen, sight[..., 1 + i], last) for i, last in enumerate((left, up, width, height))),
-        np.where(seen, np.where(since <= _COAST_S, smoothed, 0.0), pace),
+        pace,
         np.where(seen, 0.0, turned),
         np.where(seen, 0.0, driven),
+        np.sqrt(usual**2 + (pace**2 - usual**2) * learnt),
     )
     return np.stack([np.asarray(value, np.float32) for value in values], axis=-1)
 
 
 def told(state: Array) -> Array:
     """Return what a network reads of a state, float32 of shape (..., SIZE)."""
-    seen, gap, left, up, width, height, pace, turned, driven = np.moveaxis(state, -1, 0)
+    seen, gap, left, up, width, height, pace, turned, driven, _ = np.moveaxis(state, -1, 0)
     expected = bearing_of(left) + pace * np.minimum(gap, _COAST_S) - NOMINAL_YAW_RAD_S * turned
     values = (
         seen,

@@ -4,6 +4,7 @@ The runtime answers tick t with `policy(mask_t, z_t)`, where z_t comes from the 
 ticks t-K to t-1. A pair from before the episode is blank: a mask and an action of zeros. A policy whose graph
 lists an input `last_action` is handed its own answer of tick t-1 as well, zeros at the first tick. One that
 lists an input `belief` is handed what `belief.told` says of the masks up to t and its own answers up to t-1.
+Where `search` replaces an answer, what replaced it counts as the answer.
 """
 
 from __future__ import annotations
@@ -95,6 +96,8 @@ class Manifest:
     response: bool = False
     """The policy's z goes on, after the encoder's, with what `response.told` says of the masks up to t and
     the policy's own answers up to t-1."""
+    search: bool = False
+    """The policy's answer gives way to a search once the target may have left the view (`policy.search`)."""
     mask: MaskSpec
     action: tuple[ActionAxis, ...]
     rate_hz: Annotated[float, Range(1, 100)]
@@ -210,6 +213,8 @@ def check_manifest(manifest: Manifest, *, where: str) -> None:
     )
     if manifest.response and manifest.encoder is None:
         raise UsageError(f"{where}: response without an encoder: it continues the encoder's z")
+    if manifest.search and not manifest.believes:
+        raise UsageError(f"{where}: search without a belief: it begins when that says so")
     if manifest.believes or manifest.response:
         _check_believer(manifest, where)
     _check_graph(manifest.encoder, encoder, f"{where}: encoder")

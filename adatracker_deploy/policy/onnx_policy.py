@@ -51,6 +51,7 @@ class OnnxPolicy:
         self._past = Past(
             believes=manifest.believes, responds=manifest.response, period_s=1.0 / manifest.rate_hz
         )
+        self._searches = manifest.search
         self._encoder = _encoder(bundle, providers)
         self._policy = _Network(
             bundle.policy, manifest.policy, providers, where=f"{bundle.folder}/{POLICY_NAME}"
@@ -122,6 +123,8 @@ class OnnxPolicy:
             inputs["z"] = own if self._imposed is None else self._imposed
             context = inputs["z"][0]
         action, inputs["h"], inputs["c"] = self._policy.run("action", "h_next", "c_next")
+        if self._searches:
+            action = self._past.searched(action, self._info.action)
         if "last_action" in inputs:
             inputs["last_action"] = action
         self._last_action = action[0]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from adatracker_deploy.policy import belief, response
+from adatracker_deploy.policy import belief, response, search
 from adatracker_deploy.policy.belief import Array
 
 if TYPE_CHECKING:
@@ -78,6 +78,17 @@ class Past:
             self._belief = belief.advance(self._belief, sight, drive, self._period_s)
         if self._response is not None:
             self._response = response.advance(self._response, sight, drive, self._period_s)
+
+    def searched(self, values: Array, action: ActionSpec) -> Array:
+        """Return the answers (..., A) to the last picture, or a search where it is time for one.
+
+        Args:
+            values: the policy's own.
+            action: their axes; yaw is among them.
+        """
+        if self._belief is None:
+            return values
+        return search.searching(values, search.search_yaw(self._belief), action)
 
     def told(self) -> Told:
         """Return what a network reads after the last picture."""

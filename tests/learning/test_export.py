@@ -14,6 +14,7 @@ from torch.nn import functional
 
 from adatracker_deploy.cli import main
 from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.learning.bundle_weights import networks_of
 from adatracker_deploy.learning.checkpoint import OFFLINE_EVT
 from adatracker_deploy.learning.export import export_checkpoint, largest_difference
 from adatracker_deploy.learning.rollout import rollout, walking_masks
@@ -199,6 +200,48 @@ def test_a_response_without_a_context_to_continue_is_refused(tmp_path):
     bundle = a_believer(tmp_path)
     manifest = replace(bundle.manifest, files={}, response=True, encoder=None)
     with pytest.raises(UsageError, match="response without an encoder"):
+        write_bundle(tmp_path / "c", manifest, encoder=None, policy=bundle.policy, golden=bundle.golden)
+
+
+def searching(tmp_path, variant="response"):
+    path = fresh.save_adatracker(tmp_path / "s.pt", config=fresh.VARIANTS[variant])
+    assert main(["export-onnx", str(path), "--search", "--out", str(tmp_path / "s")]) == 0
+    return load_bundle(tmp_path / "s")
+
+
+def test_a_policy_that_searches_turns_until_its_target_is_back_and_knows_that_it_turned(tmp_path):
+    bundle = searching(tmp_path)
+    assert bundle.manifest.search
+    policy, masks = OnnxPolicy(bundle), bundle.golden["mask"]
+    for mask in masks:
+        policy.step(mask)
+    gone = np.zeros_like(masks[0])
+    actions = [policy.step(gone)[0].tolist() for _ in range(60)]
+    began = next(step for step, action in enumerate(actions) if action in ([0, 1], [0, -1]))
+    assert 0 < began < 50
+    assert all(action == actions[began] for action in actions[began:])
+    told = dict(zip(belief.COLUMNS, policy.belief, strict=True))
+    turned = -actions[began][1]  # fresh's yaw is positive to the right
+    assert told["turned"] * turned > 0.8
+    back, _ = policy.step(masks[0])
+    assert back.tolist() != actions[began]
+
+
+def test_training_that_begins_with_a_policy_that_searches_gives_back_that_it_does(tmp_path):
+    assert networks_of(searching(tmp_path)).meta.search
+
+
+def test_a_policy_without_a_belief_cannot_be_made_to_search(checkpoint, tmp_path, capsys):
+    assert main(["export-onnx", str(checkpoint), "--search", "--out", str(tmp_path / "s")]) == 2
+    assert "was trained without a belief, which tells when to search" in capsys.readouterr().err
+    assert not (tmp_path / "s").exists()
+    bundle = a_believer(tmp_path)
+    graph = replace(
+        bundle.manifest.policy,
+        inputs=tuple(tensor for tensor in bundle.manifest.policy.inputs if tensor.name != "belief"),
+    )
+    manifest = replace(bundle.manifest, files={}, policy=graph, search=True)
+    with pytest.raises(UsageError, match="search without a belief"):
         write_bundle(tmp_path / "c", manifest, encoder=None, policy=bundle.policy, golden=bundle.golden)
 
 
