@@ -92,7 +92,7 @@ def test_a_wrong_recipe_is_one_clear_line(changed, message):
 
 def test_a_missing_or_broken_file_is_one_clear_line(tmp_path):
     with pytest.raises(
-        UsageError, match="unknown recipe 'soup': known are beyond, broad, deploy, late, offline, paper"
+        UsageError, match="unknown recipe 'soup': known are beyond, broad, calm, deploy, ground, late"
     ):
         load_recipe("soup")
     with pytest.raises(UsageError, match="cannot be read"):
