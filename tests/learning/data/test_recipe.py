@@ -18,7 +18,7 @@ from tests.learning.data import tiny
 
 
 def test_the_paper_and_the_deploy_recipe_are_shipped():
-    assert " ".join(recipe_names()) == "beyond broad deploy late offline paper robots tall wide"
+    assert " ".join(recipe_names()) == "beyond broad calm deploy ground late offline paper robots tall wide"
     assert load_recipe("paper").steps == 190_000
     assert load_recipe("deploy").steps == 1_000_000
 
