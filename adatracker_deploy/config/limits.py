@@ -67,9 +67,12 @@ class Limits:
     largest_others: Annotated[float, Range(0.01, 0.9)] = 0.12
     """Largest share of the image that the masks of all other people may cover; beyond it forward motion is
     cut. 0.12 is one such person, about 1.25 m before a 90 degree lens."""
+    headway_s: Annotated[float, Range(0.01, 5)] = 0.2
+    """Time headway to other people: forward speed is at most the room left to that distance, divided by this,
+    so that the robot stands before it is too close. About the body's lag and delay together."""
     passing_s: Annotated[float, Range(0.1, 10)] = 1.0
-    """Forward motion stays cut for this long after other people covered more: whoever has left the image that
-    large is beside the robot."""
+    """Forward motion stays cut, or as slow, for this long after other people were nearest: whoever has left
+    the image that large is beside the robot."""
     battery_warn: Annotated[float, Range(0.01, 1)] = 0.2
     """State of charge below which a low battery is reported."""
     battery_stop: Annotated[float, Range(0.01, 1)] = 0.1

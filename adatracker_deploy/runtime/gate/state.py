@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import math
 from dataclasses import dataclass
 
 from adatracker_deploy.core.geometry import Pose
@@ -76,8 +77,10 @@ class GateState:
     """The robot has reported its battery charge."""
     close: bool = False
     """The target was too close when it was last seen."""
-    crowded_ns: int | None = None
-    """When other people were last too close; None before."""
+    others_m: float = math.inf
+    """How far away other people were when they were nearest of late, m; infinite where nobody was seen."""
+    others_ns: int = 0
+    """When that was."""
     stop: Stop | None = None
     """The latched stop; None without one."""
 

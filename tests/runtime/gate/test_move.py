@@ -125,7 +125,7 @@ def test_a_target_that_was_too_close_and_is_not_seen_is_still_too_close():
 
 def test_other_people_who_are_too_close_stop_forward_motion_as_the_target_does():
     gate = Gate()
-    assert gate.cruise(Twist(1.0, yaw_rate=0.5), others=0.12).twist.vx == 1.0
+    assert gate.cruise(Twist(1.0, yaw_rate=0.5), others=0.05).twist.vx == 1.0
     verdict = gate.ask(Twist(1.0, yaw_rate=0.5), others=0.121, share=0.05)
     assert (verdict.twist, verdict.reasons[0]) == (Twist(0.0, yaw_rate=0.5), Reason.TOO_CLOSE)
 
@@ -143,6 +143,22 @@ def test_the_second_begins_anew_with_everybody_who_comes_too_close():
     for _ in range(4):
         gate.ask(Twist(1.0), others=0.2)
         assert gate.cruise(Twist(1.0), seconds=0.9, others=0.0).twist.vx == 0.0
+
+
+@pytest.mark.parametrize(("away_m", "vx"), [(1.25, 0.0), (1.5, 0.5), (1.7, 0.9), (1.8, 1.0)])
+def test_before_other_people_the_robot_is_as_slow_as_it_must_be_to_stop_in_time(away_m, vx):
+    gate = Gate(headway_s=0.5)  # at 0.5 m/s it stops within 0.25 m, and may be 1.25 m away
+    sent = gate.cruise(Twist(1.0, yaw_rate=0.5), others=0.12 * (1.25 / away_m) ** 2).twist
+    assert (sent.vx, sent.yaw_rate) == (pytest.approx(vx, abs=0.02), 0.5)
+    assert gate.cruise(Twist(-0.4), others=0.12).twist.vx == -0.4
+
+
+def test_it_stays_slow_for_a_second_after_they_were_as_near():
+    gate = Gate(headway_s=0.5)
+    slow = gate.cruise(Twist(1.0), others=0.12 * (1.25 / 1.5) ** 2).twist.vx
+    assert slow < 0.6
+    assert gate.cruise(Twist(1.0), seconds=0.96, others=0.02).twist.vx == slow
+    assert gate.cruise(Twist(1.0), others=0.02).twist.vx == 1.0
 
 
 @pytest.mark.parametrize("others", [math.nan, math.inf])
