@@ -139,7 +139,7 @@ class TargetLock:
         known = _others_in(here, others, theirs, target, place)
         unseen = [other for row, other in enumerate(others) if row not in theirs.values()]
         gone = target.lost or (target.person.unseen_s > BRIDGED_S and not _is_covered(target, here.boxes))
-        again = taken_back(known, target, here.free) if place is None and gone else None
+        again = taken_back(known, target, here) if place is None and gone else None
         if again is not None:
             place, found = known.pop(again)
             target = replace(target, person=found.person)
@@ -228,7 +228,7 @@ def _others_in(
             other = other.placed(target, seen=place is not None)
         elif score >= _NEW_SCORE and (place is None or not _is_second(where, mine)):
             split = place is not None and bool(overlap(where[None], mine[None])[0, 0] >= CROWDED)
-            other = Other(Person.new(where, look), split=split)
+            other = Other(Person.new(where, look), split=split, late=target.lost)
         else:
             continue
         if free:

@@ -56,6 +56,11 @@ class Person:
         """Return a new track."""
         return cls(box.astype(np.float64), look, np.zeros(2), cut=is_cut(look))
 
+    @property
+    def height(self) -> float:
+        """Of the box, px."""
+        return float(self.box[3] - self.box[1])
+
     def expected(self, motion: Motion, dt_s: float) -> Person:
         """Return the track predicted one image ahead."""
         corners = self.box.reshape(2, 2)

@@ -58,6 +58,16 @@ _MARGIN_BEFORE = 0.06
 swapped."""
 _CONFIRM = 3
 """Consecutive images that must agree."""
+_CLEARLY = 0.5
+"""The detector's least score of who is taken back: of 2,425 rendered people who were, 2 % of the right ones
+had less, and 19 % of the wrong ones."""
+_TALLER, _NEARER_S = 1.4, 3.0
+"""Height, as a multiple of the target's, from which on somebody is nearer than it was, and the time since it
+last stood free within which they are not taken for it, if they came before it was lost: whoever comes
+between is nearer, and the target does not come so much nearer unseen."""
+_SMOOTHING_HEIGHT, _ANEW_S = 0.3, 1.0
+"""Share of a new height in the target's known one, and the time since it last stood free after which that
+begins anew: half hidden it is lower, and with somebody in its box taller."""
 _SPLIT_S = 3.0
 """Time after the choice in which it may turn out that the chosen box held two people."""
 _OUTDONE = 5
@@ -92,11 +102,18 @@ class Target:
     """Time for which the target has been seen and stood free."""
     since_s: float = 0.0
     """Time since it was chosen."""
+    height: float = 0.0
+    """Smoothed height of its boxes while it stood free, px, at the camera's present zoom."""
+    free_s: float = 0.0
+    """Time since it last stood free."""
+    cut: bool = False
+    """Whether the picture cut it off then: it may be taller."""
 
     @classmethod
     def chosen(cls, person: Person) -> Target:
         """Return somebody who has just become the target."""
-        return cls(person, (person.look,) if stripes_known(person.look) >= _TELLING else ())
+        views = (person.look,) if stripes_known(person.look) >= _TELLING else ()
+        return cls(person, views, height=person.height, cut=person.cut)
 
     @property
     def lost(self) -> bool:
@@ -111,7 +128,14 @@ class Target:
     def expected(self, motion: Motion, dt_s: float) -> Target:
         """Return the target predicted one image ahead."""
         person = self.person.expected(motion, dt_s)
-        return replace(self, person=person, clear_s=self.clear_s + dt_s, since_s=self.since_s + dt_s)
+        return replace(
+            self,
+            person=person,
+            clear_s=self.clear_s + dt_s,
+            since_s=self.since_s + dt_s,
+            height=self.height * float(np.hypot(motion[0, 0], motion[1, 0])),
+            free_s=self.free_s + dt_s,
+        )
 
     def as_chosen(self, looks: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the similarity of each appearance to the one that was chosen; 0 if that told too little."""
@@ -127,7 +151,17 @@ class Target:
         views = self.views
         if stripes_known(look) >= _TELLING and (alike < _NEW_VIEW or not views) and self.clear_s >= _CLEAR_S:
             views = (*views[:1], *views[1:][2 - _VIEWS :], look)
-        return replace(self, person=person, usual=usual, views=views)
+        share = _SMOOTHING_HEIGHT if self.free_s < _ANEW_S else 1.0
+        height = self.height + share * (person.height - self.height)
+        return replace(
+            self, person=person, usual=usual, views=views, height=height, free_s=0.0, cut=person.cut
+        )
+
+    def is_farther_than(self, person: Person) -> bool:
+        """Return whether somebody is so much taller that they are nearer than it can be yet."""
+        if self.cut or self.free_s > _NEARER_S:
+            return False
+        return person.height > _TALLER * max(self.height, self.person.height)
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,6 +181,8 @@ class Other:
     """Whether they stood apart from the target, and it then went out of sight behind them."""
     split: bool = False
     """Whether their first box overlapped the target's: before, both may have been in one."""
+    late: bool = False
+    """Whether they came when the target was lost already: then they do not stand between."""
     outdid: int = 0
     """Consecutive images in which they looked more like what was chosen than what is tracked did, both
     standing free."""
@@ -181,8 +217,11 @@ class Other:
         return replace(self, outdid=self.outdid + 1 if margin > _MARGIN else 0)
 
     def may_be(self, alike: float, target: Target) -> bool:
-        """Return whether they may be it: they did not hide it, and look more like it than beside it."""
+        """Return whether they may be it: they did not hide it, are not much nearer, and look more like
+        it than beside it."""
         if self.hides and target.person.unseen_s <= _HIDDEN_S:
+            return False
+        if not self.late and target.is_farther_than(self.person):
             return False
         return self.alike_beside is None or alike > self.alike_beside + _MARGIN_BEFORE
 
@@ -233,7 +272,7 @@ def outdone(known: list[tuple[int, Other]], target: Target) -> int | None:
     return max(rivals, key=lambda place: known[place][1].outdid, default=None)
 
 
-def taken_back(known: list[tuple[int, Other]], target: Target, free: NDArray[np.bool_]) -> int | None:
+def taken_back(known: list[tuple[int, Other]], target: Target, here: Picture) -> int | None:
     """Return the index in `known` of the target that was gone; None while nobody is certain.
 
     Who cannot be the target is no rival of who may be it.
@@ -252,7 +291,8 @@ def taken_back(known: list[tuple[int, Other]], target: Target, free: NDArray[np.
     next_best = ranked[1][0] if len(ranked) > 1 else 0.0
     box, other = known[place]
     sure = (
-        bool(free[box])
+        bool(here.free[box])
+        and float(here.scores[box]) >= _CLEARLY
         and stripes_known(other.person.look) >= _TELLING
         and other.agreed >= _CONFIRM
         and _agrees(alike, target)

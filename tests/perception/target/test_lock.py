@@ -21,6 +21,7 @@ from tests.perception.target.walkers import (
     followed,
     looking,
     moving,
+    sights,
     states,
     steady,
 )
@@ -157,6 +158,28 @@ def test_who_was_last_seen_in_part_is_taken_back_at_any_size(tall):
         Walker("red", steady(200), here=lambda t_s: t_s >= 3.2, tall=tall),
     ]
     assert states(follow(walkers, 3.6))[-1] is TRACKED
+
+
+@pytest.mark.parametrize(("tall", "taken"), [(150, False), (100, True)])
+def test_who_is_much_nearer_than_a_target_that_has_just_gone_came_between(tall, taken):
+    """Somebody in like clothes appears as the target goes, and not beside it."""
+    walkers = [
+        Walker("red", steady(150), here=lambda t_s: t_s < 2),
+        Walker("red", steady(250), here=lambda t_s: t_s >= 2.2, tall=tall),
+    ]
+    said = follow(walkers, 4)
+    assert (1 in followed(said)) is taken
+
+
+@pytest.mark.parametrize(("score", "taken"), [(0.49, False), (0.51, True)])
+def test_of_whom_the_detector_is_not_sure_nobody_is_taken_back(score, taken):
+    lock, last = TargetLock(), None
+    for sight in sights([Walker("red", steady(150), here=lambda t_s: not 2 < t_s < 4)], 6):
+        if last is None:
+            lock.choose(0, sight.boxes, sight.looks, sight.t_ns)
+        scores = np.full(len(sight.who), score if sight.t_ns > 9e9 + 7e8 else 0.9, np.float32)
+        last = lock.update(sight.boxes, scores, sight.looks, sight.motion, sight.t_ns)
+    assert (last.place == 0) is taken
 
 
 @pytest.mark.parametrize("around", [1, -1])
