@@ -236,14 +236,17 @@ def _burst(evidence: Evidence, onset_ns: int) -> tuple[float | None, str]:
 
 
 def _acceleration(commands: tuple[Told, ...], onset_ns: int) -> float:
-    """Return the largest forward acceleration, m/s^2, beyond jitter; stops to zero are left out."""
+    """Return the largest forward acceleration, m/s^2, beyond jitter; stops to zero are left out.
+
+    Commands that arrive together left one slot apart: a busy host delivers them late, not a gate too fast.
+    """
     near = [told for told in commands if 0 <= told.t_ns - onset_ns < 2e9]
     largest = 0.0
     for first, earlier in enumerate(near):
-        for later in near[first + 1 : first + 30]:
+        for slots, later in enumerate(near[first + 1 : first + 30], start=1):
             if not later.moves:
                 break
-            seconds = (later.t_ns - earlier.t_ns) / 1e9 + JITTER_S
+            seconds = max((later.t_ns - earlier.t_ns) / 1e9, slots * SLOT_S) + JITTER_S
             largest = max(largest, abs(later.vx - earlier.vx) / seconds)
     return largest
 

@@ -40,9 +40,9 @@ def searching(values: Array, yaw: Array, action: ActionSpec) -> Array:
     """Return a policy's actions (..., A), with the search in their place where `yaw` (...) is not 0.
 
     Args:
-        values: the policy's own.
+        values: the policy's own; what is not finite stays, so that a broken network is not hidden.
         yaw: see `search_yaw`.
         action: their axes.
     """
     signs = np.array([entry.sign if entry.axis == "yaw" else 0 for entry in action], np.float32)
-    return np.where(yaw[..., None] != 0, yaw[..., None] * signs, values)
+    return np.where((yaw[..., None] != 0) & np.isfinite(values), yaw[..., None] * signs, values)

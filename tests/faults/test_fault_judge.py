@@ -134,6 +134,11 @@ def test_a_jump_of_speed_is_found_and_jitter_and_a_stop_are_none():
     smooth = tuple(replace(told, vx=0.02 * number) for number, told in enumerate(commands(9.0)))
     account = evidence().account
     assert went_on("acceleration", 1.0, account=replace(account, commands=smooth)).verdict == "ok"
+    held_ns = ONSET_NS + 8e8  # twelve slots arrive together
+    late = tuple(
+        replace(told, t_ns=max(told.t_ns, held_ns if told.t_ns > held_ns - 24e7 else 0)) for told in smooth
+    )
+    assert went_on("acceleration", 1.0, account=replace(account, commands=late)).verdict == "ok"
     jump = tuple(replace(told, vx=1.0 if told.t_ns > ONSET_NS + 5e8 else 0.1) for told in commands(9.0))
     assert went_on("acceleration", 1.0, account=replace(account, commands=jump)).verdict == "WRONG"
     assert went_on("acceleration", 1.0, account=replace(account, commands=commands(0.5))).verdict == "ok"

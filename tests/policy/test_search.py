@@ -74,6 +74,12 @@ def test_a_search_is_written_in_the_actions_order_and_signs():
     assert searching(own, np.float32([1, 0]), action).tolist() == [[-1, 0, 0], [0.25, 0.25, 0.25]]
 
 
+def test_a_search_does_not_hide_a_network_that_answers_no_number():
+    action = (ActionAxis(axis="forward"), ActionAxis(axis="yaw"))
+    found = searching(np.float32([[np.nan, 0.5], [0.5, np.inf]]), np.float32([1, 1]), action)
+    assert np.isfinite(found).tolist() == [[False, True], [True, False]]
+
+
 @settings(max_examples=30)
 @given(seed=st.integers(0, 1 << 32))
 def test_it_never_begins_while_the_target_is_seen_or_before_it_can_have_strayed(seed):
