@@ -6,6 +6,7 @@ import socket
 from dataclasses import dataclass, field
 
 from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.ports import unused_port
 from adatracker_deploy.page.access import new_token
 
 HOST = "127.0.0.1"
@@ -36,14 +37,17 @@ def free_port(port: int, of: str, option: str) -> int:
 
     Raises:
         UsageError: it is not.
+        PlatformError: 0, and there is none.
     """
+    if port == 0:
+        return unused_port(socket.SOCK_STREAM)
     with socket.socket() as asked:
         asked.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the server: what just ended is free
         try:
             asked.bind((HOST, port))
         except OSError as error:
             raise port_refused(port, str(error.strerror), of, option) from error
-        return int(asked.getsockname()[1])
+    return port
 
 
 def port_refused(port: int, reason: str, of: str, option: str) -> UsageError:

@@ -13,6 +13,7 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import PlatformError, UsageError
+from adatracker_deploy.core.ports import unused_port
 from adatracker_deploy.registry import load_profile
 from adatracker_drone.platform import DronePlatform
 
@@ -21,9 +22,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture
 def free_port():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+    return unused_port(socket.SOCK_DGRAM)
 
 
 def drone(url: str, connect_timeout_s: float = 1.0) -> DronePlatform:

@@ -17,6 +17,7 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.ports import unused_port
 from adatracker_deploy.platform import Scenario
 from adatracker_deploy.registry import load_profile
 from adatracker_drone.adapter.preflight import link_checks
@@ -111,9 +112,7 @@ def test_a_second_talker_with_the_autopilots_id_changes_nothing_and_is_told_of()
 
 def test_ten_thousand_hostile_datagrams_from_the_autopilots_own_address_print_nothing_and_move_nothing(capfd):
     shipped = load_profile("px4_quad", DronePlatform)
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = unused_port(socket.SOCK_DGRAM)
     connection = dataclasses.replace(shipped.connection, url=f"udpin://127.0.0.1:{port}")
     autopilot = packer()
     heartbeat = bytes(mavlink.MAVLink_heartbeat_message(2, 12, 81, 4 << 16 | 3 << 24, 3, 3).pack(autopilot))

@@ -14,6 +14,7 @@ from pymavlink.dialects.v20 import common as mavlink
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.messages import ZERO, Twist
+from adatracker_deploy.core.ports import unused_port
 from adatracker_deploy.platform import Scenario
 from adatracker_deploy.registry import load_profile
 from adatracker_deploy.testing.conformance import PlatformConformance
@@ -33,9 +34,7 @@ POSCTL, HOLD = (3, 0), (4, 3)
 
 
 def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+    return unused_port(socket.SOCK_DGRAM)
 
 
 def rehearsal_profile(**sitl):

@@ -14,6 +14,7 @@ from watched import until
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.messages import Twist
+from adatracker_deploy.core.ports import BY_NUMBER
 from adatracker_deploy.platform import Scenario
 from adatracker_deploy.registry import load_profile
 from adatracker_drone.adapter.sender_filter import Guard
@@ -85,6 +86,11 @@ def link_check(platform):
 
 def port_of(platform):
     return int(platform.profile.connection.url.rpartition(":")[2])
+
+
+def test_its_port_is_none_that_the_system_gives_to_somebody_else_before_it_is_opened():
+    with rehearsal() as platform:
+        assert port_of(platform) in BY_NUMBER
 
 
 def test_a_foreign_drone_on_px4s_own_port_is_never_reached_and_the_rehearsal_flies_its_own():

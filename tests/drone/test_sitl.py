@@ -25,6 +25,7 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.core.ports import unused_port
 from adatracker_deploy.platform import Scenario
 from adatracker_deploy.registry import load_profile
 from adatracker_drone.platform import DronePlatform
@@ -50,8 +51,7 @@ def bound_socket(port=0):
 
 
 def free_port():
-    with bound_socket() as probe:
-        return probe.getsockname()[1]
+    return unused_port(socket.SOCK_DGRAM)
 
 
 def profile(url="udpin://127.0.0.1:0", **sitl):

@@ -9,6 +9,7 @@ import pytest
 pytest.importorskip("huggingface_hub")
 from huggingface_hub import _tree_cache, constants
 
+from adatracker_deploy.core.ports import unused_port
 from tests.hub.server import Hub, serving
 from tests.policy import tiny
 
@@ -48,9 +49,7 @@ def point_at(monkeypatch, address):
 
 def nowhere():
     """An address of this machine where nobody listens."""
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        return f"http://127.0.0.1:{taken.getsockname()[1]}"
+    return f"http://127.0.0.1:{unused_port(socket.SOCK_STREAM)}"
 
 
 @pytest.fixture(scope="session")

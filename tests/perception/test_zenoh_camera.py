@@ -18,6 +18,7 @@ from streams import handles, until
 
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.ports import unused_port
 from adatracker_deploy.perception.compressed_image import (
     IMAGE_CAP_BYTES,
     CompressedImage,
@@ -84,9 +85,7 @@ def test_changed_and_cut_messages_are_images_or_refused(data):
 
 
 def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+    return unused_port(socket.SOCK_STREAM)
 
 
 def png(grey):

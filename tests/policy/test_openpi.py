@@ -28,6 +28,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.frames import CloseCode
 
 from adatracker_deploy.core.errors import PlatformError
+from adatracker_deploy.core.ports import unused_port
 from adatracker_deploy.policy.catalogue import DEFAULT, load_policy
 from adatracker_deploy.policy.msgpack_numpy import pack, unpack
 from adatracker_deploy.policy.server import served
@@ -134,8 +135,7 @@ def wait_for(port):
 
 
 def free_port():
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        return free.getsockname()[1]
+    return unused_port(socket.SOCK_STREAM)
 
 
 def packers():

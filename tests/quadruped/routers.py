@@ -7,13 +7,12 @@ from contextlib import contextmanager
 
 import zenoh
 
+from adatracker_deploy.core.ports import unused_port
 from adatracker_quadruped.protocol.session import zenoh_config
 
 
 def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+    return unused_port(socket.SOCK_STREAM)
 
 
 def until(condition, timeout_s=5.0):

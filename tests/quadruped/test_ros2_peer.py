@@ -11,6 +11,7 @@ import zenoh
 
 from adatracker_deploy.core.geometry import Pose
 from adatracker_deploy.core.messages import Twist
+from adatracker_deploy.core.ports import unused_port
 from adatracker_deploy.perception.compressed_image import CompressedImage
 from adatracker_quadruped.protocol import cdr as protocol
 from adatracker_quadruped.protocol import messages
@@ -89,9 +90,7 @@ def test_ros_hashes_the_types_alike(node, name):
 
 def test_a_ros_node_behind_a_bridge_gets_every_twist_and_its_odometry_arrives(node):
     """The bridge here does what zenoh-bridge-ros2dds does: it passes payloads on as they are."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        connection = Connection(endpoint=f"tcp/127.0.0.1:{probe.getsockname()[1]}")
+    connection = Connection(endpoint=f"tcp/127.0.0.1:{unused_port(socket.SOCK_STREAM)}")
     keys, got, back = Keys(connection), [], []
     ros_commands = node.create_publisher(RosTwist, "cmd_vel", 100)
     node.create_subscription(RosTwist, "cmd_vel", got.append, 100)

@@ -21,6 +21,7 @@ import pytest
 from wheeled_rig import base_profile, until
 
 from adatracker_deploy.core.errors import PlatformError, UsageError
+from adatracker_deploy.core.ports import unused_port
 from adatracker_wheeled.protocol.bus import Bus
 from adatracker_wheeled.protocol.bus_driver import open_driver
 from adatracker_wheeled.protocol.frames import CanFrame
@@ -190,8 +191,7 @@ def test_an_absent_device_is_said_with_what_to_do(capfd):
 
 
 def free_port():
-    with socket.create_server(("127.0.0.1", 0)) as probe:
-        return probe.getsockname()[1]
+    return unused_port(socket.SOCK_STREAM)
 
 
 def test_a_port_that_nobody_answers_is_said_within_2_s():

@@ -6,7 +6,7 @@
 
 It sends to the given UDP port of this machine from a port of its own, as PX4's simulator does.
 
-A rehearsal cannot reach anything else. The kernel chooses both ports, whatever the profile says; each end
+A rehearsal cannot reach anything else. Both ports are chosen anew, whatever the profile says; each end
 talks only to the other's port; and the simulator has a random uid for this run, without which the adapter
 arms nothing. Any other sender on the link ends the rehearsal.
 """
@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING
 from adatracker_deploy.config.schema import parse
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.core.faults import BATTERY_LOW, LINK_DROP, ROBOT_SILENT, TAKEOVER
+from adatracker_deploy.core.ports import unused_port
 from adatracker_deploy.sim.process import (
     FaultCommands,
     ProcessSitl,
@@ -76,7 +77,7 @@ class DroneSitl(ProcessSitl):
             PlatformError: the process did not come up.
         """
         _require_libraries()
-        port, uid = _free_port(), secrets.token_hex(UID_BYTES)
+        port, uid = unused_port(socket.SOCK_DGRAM), secrets.token_hex(UID_BYTES)
         settings = json.dumps(dataclasses.asdict(self._profile.sitl))
         connection = self._profile.connection
         ready = self._process.start(
@@ -97,12 +98,6 @@ class DroneSitl(ProcessSitl):
         )
         camera = dataclasses.replace(self._profile.camera, uri=f"world://{scenario.scene}")
         return dataclasses.replace(self._profile, connection=connection, camera=camera)
-
-
-def _free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def main(argv: list[str] | None = None) -> int:
