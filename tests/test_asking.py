@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from adatracker_deploy.cli import main
 from adatracker_deploy.cli.asking import ask
+from adatracker_deploy.core.errors import PlatformError, UsageError
 from adatracker_deploy.runtime import operator_stop
 from adatracker_deploy.scoring.summary import summarise_log
 from adatracker_deploy.trial.marks import read_marks
@@ -95,6 +96,8 @@ class Rig:
     def _run(self, plan, progress, started_s, stop):
         self.ran += 1
         outcome = self.ends.pop(0)
+        if isinstance(outcome, Exception):
+            raise outcome
         folder = self.folder / f"{self.ran}"
         write_trial(folder, [a_step(n) for n in range(21)], planned=20, frames=False,
                     summary={"outcome": outcome, "reason": ""})  # fmt: skip
@@ -132,6 +135,22 @@ def test_a_real_robot_goes_on_only_when_told_and_what_was_said_is_in_the_results
     assert [row["outcome"] for row in results["trials"]] == ["completed", "wrong_person", "completed"]
     assert [row["el"] for row in results["trials"]] == [20, 10, 20]
     assert [len(rig.marks(number)) for number in (1, 2, 3)] == [1, 1, 0]
+
+
+@pytest.mark.parametrize(("error", "wanted"), [(UsageError("taken"), 2), (PlatformError("not ready"), 1)])
+def test_a_trial_that_cannot_begin_takes_no_result_of_those_before_it(rig, capsys, error, wanted):
+    ends = ["completed", "lost", error]
+    status = rig("--sitl", "--trials", "4", "--json", ends=ends, typed=[])
+    out, err = capsys.readouterr()
+    assert (status, rig.ran) == (wanted, 3)
+    assert [row["outcome"] for row in json.loads(out.splitlines()[-1])["trials"]] == ["completed", "lost"]
+    assert err.splitlines()[-1] == f"adatracker-deploy: {error}"
+    assert "1 completed" in err
+
+
+def test_where_no_trial_began_there_is_no_result(rig, capsys):
+    assert rig("--sitl", "--trials", "2", "--json", ends=[UsageError("taken")], typed=[]) == 2
+    assert capsys.readouterr().out == ""
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,8 @@ from adatracker_deploy.page.address import DEFAULT_PORT as PAGE_PORT
 from adatracker_deploy.trial.live_port import DEFAULT_PORT
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from rich.console import Console
 
     from adatracker_deploy.app.trial_plan import TrialPlan
@@ -198,18 +200,32 @@ def run(args: argparse.Namespace) -> int:
     from rich.console import Console
 
     from adatracker_deploy.core.record import RESULTS
-    from adatracker_deploy.runtime.lost_terminal import tolerated
-    from adatracker_deploy.runtime.operator_stop import StopRequest
-    from adatracker_deploy.runtime.running import Announcement
-    from adatracker_deploy.runtime.start_line import StartLine
-    from adatracker_deploy.scoring.summary import summarise_set, timing_words
-    from adatracker_deploy.scoring.summary_table import stage_table, summary_table
     from adatracker_deploy.trial.salvage import salvage_all
 
     plans = plans_of(args)
     console = Console(stderr=args.json)
     for line in salvage_all(args.log_dir):
         console.print(line, markup=False, soft_wrap=True)
+    summaries: list[dict[str, Any]] = []
+    try:
+        asked = _drive(plans, args, console, summaries)
+    finally:  # one that could not begin raises: those before it are shown all the same
+        _show(summaries, args, console, several=len(plans) > 1)
+    outcomes = {summary["outcome"] for summary in summaries}
+    if asked or "interrupted" in outcomes:
+        return 130
+    return 0 if outcomes.issubset(RESULTS) else 1
+
+
+def _drive(
+    plans: list[TrialPlan], args: argparse.Namespace, console: Console, summaries: list[dict[str, Any]]
+) -> bool:
+    """Run the trials, and add the summary of each; return whether a stop was asked for."""
+    from adatracker_deploy.runtime.lost_terminal import tolerated
+    from adatracker_deploy.runtime.operator_stop import StopRequest
+    from adatracker_deploy.runtime.running import Announcement
+    from adatracker_deploy.runtime.start_line import StartLine
+
     with contextlib.closing(Announcement(args.platform, args.name)) as announcement, tolerated():
         stop = StopRequest(announcement.stopping, outlives_terminal=args.on_hangup == "continue")
         with stop.listening():
@@ -218,7 +234,19 @@ def run(args: argparse.Namespace) -> int:
                 with stop.trial():
                     start_line.wait()
                 plans[0] = dataclasses.replace(plans[0], start_line=start_line)
-            summaries = _run_all(plans, args, console, announcement, stop)
+            for summary in _run_all(plans, args, console, announcement, stop):
+                summaries.append(summary)  # noqa: PERF402 -- kept even where the next one cannot begin
+    return stop.asked
+
+
+def _show(
+    summaries: list[dict[str, Any]], args: argparse.Namespace, console: Console, *, several: bool
+) -> None:
+    from adatracker_deploy.scoring.summary import summarise_set, timing_words
+    from adatracker_deploy.scoring.summary_table import stage_table, summary_table
+
+    if not summaries:
+        return
     if args.together is None:  # else the fleet's command shows them all
         if any(summary["rate_hz"] for summary in summaries):
             console.print(stage_table(summaries))
@@ -230,11 +258,7 @@ def run(args: argparse.Namespace) -> int:
             )
             console.print(warning, markup=False, soft_wrap=True)
     if args.json:
-        print(json.dumps(summaries[0] if len(plans) == 1 else summarise_set(summaries)))
-    outcomes = {summary["outcome"] for summary in summaries}
-    if stop.asked or "interrupted" in outcomes:
-        return 130
-    return 0 if outcomes.issubset(RESULTS) else 1
+        print(json.dumps(summarise_set(summaries) if several else summaries[0]))
 
 
 def _run_all(
@@ -243,7 +267,7 @@ def _run_all(
     console: Console,
     announcement: Announcement,
     stop: StopRequest,
-) -> list[dict[str, Any]]:
+) -> Iterator[dict[str, Any]]:
     """Run the trials; Enter and `--stop-fd` stop one that runs, and nothing while the operator is asked."""
     from adatracker_deploy.app.trial_run import run_trial
     from adatracker_deploy.cli import STARTED_S, asking
@@ -252,7 +276,6 @@ def _run_all(
     from adatracker_deploy.runtime.teleop.open_hand import KEYBOARD
 
     asks = _asks(args, plans)
-    summaries: list[dict[str, Any]] = []
     started_s = STARTED_S
     for number, plan in enumerate(plans, start=1):
         if len(plans) > 1:
@@ -270,7 +293,7 @@ def _run_all(
         go_on = not (last or stop.asked) and _may_follow(plan, ended)
         if asks:
             summary, go_on = asking.mark(summary, console, partial(_may_follow, plan) if go_on else None)
-        summaries.append(summary)
+        yield summary
         started_s = time.monotonic()
         stopped = not (_may_follow(plan, ended) and _may_follow(plan, summary["outcome"]))
         if stop.asked and not last and ended != "interrupted":
@@ -279,7 +302,6 @@ def _run_all(
             console.print("no further trial: after a stop a real robot moves again only when it is told to")
         if stop.asked or not go_on:
             break
-    return summaries
 
 
 def _may_follow(plan: TrialPlan, outcome: str) -> bool:
