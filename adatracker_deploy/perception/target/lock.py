@@ -1,12 +1,13 @@
 """The target lock: finds the chosen person among the boxes of each image (re-identification).
 
 The target is tracked by predicted position and appearance, together with everybody else in view: all tracks
-compete for the boxes. A target out of sight for too long is lost. It is reacquired only by a person who is
-similar to the target, more similar than everybody else, and more similar than that person was while beside
-the target; who hid it is not taken for it. Who came after it had gone may be it before it is lost, unless
-somebody stands where it is expected. Until then there is no target. Where the chosen box held two people, the
-target is the one who looks more like it once they are apart. Time is passed in; the same images give the same
-results.
+compete for the boxes, from where the camera's motion and their own have them, or from where they were in the
+picture, whichever fits better. A target out of sight for too long is lost. It is reacquired only by a person
+who is similar to the target, more similar than everybody else, and more similar than that person was while
+beside the target; who hid it is not taken for it. Who came after it had gone may be it before it is lost,
+unless somebody stands where it is expected. Until then there is no target. Where the chosen box held two
+people, the target is the one who looks more like it once they are apart. Time is passed in; the same images
+give the same results.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 from adatracker_deploy.core.messages import TargetState
 from adatracker_deploy.perception.boxes import overlap, within
 from adatracker_deploy.perception.target.appearance import is_cut
+from adatracker_deploy.perception.target.motion import STILL
 from adatracker_deploy.perception.target.people import Person, assigned
 from adatracker_deploy.perception.target.recognition import (
     BRIDGED_S,
@@ -47,6 +49,9 @@ _NEW_SCORE = 0.45
 _SAME, _NESTED = 0.5, 0.85
 """IoU with the target's box, and share of the smaller one within the other, from which on an unmatched box is
 a second one on the target and starts no track, which would take the target's next box for its own."""
+_THROWN = 1.0
+"""By how much better the boxes must fit where everybody was in the picture than where they were going, to be
+there: some half a person. People who cross are told apart by where they go."""
 _LEAST_ALIKE, _LEAST_ALIKE_OTHERS = 0.5, 0.4
 _LEARN = 0.1
 """Share of another person's new appearance blended into the known one."""
@@ -63,6 +68,19 @@ class Locked(NamedTuple):
     expected: tuple[float, float, float, float] | None = None
     """The target's predicted box (left, top, right, bottom), px, while it has been missed for `BRIDGED_S`
     at most and nobody else was found there."""
+
+
+class _Tracked(NamedTuple):
+    """Everybody in one of the places where they may be, and whose the boxes of the picture are then."""
+
+    target: Target
+    others: list[Other]
+    place: int | None
+    """The target's box; None where it has none."""
+    theirs: dict[int, int]
+    """The others', as {box: place in `others`}."""
+    fit: float
+    """How well they fit, in all."""
 
 
 class TargetLock:
@@ -118,13 +136,16 @@ class TargetLock:
             raise RuntimeError("no target has been chosen")
         dt_s, self._t_ns = max(0.0, (t_ns - self._t_ns) / 1e9), t_ns
         was_lost = self._target.lost
-        target = self._target
-        target = target.expected(motion, dt_s)
-        others = [replace(other, person=other.person.expected(motion, dt_s)) for other in self._others]
-        alike = target.alike(looks)
+        alike = self._target.alike(looks)
         sure = len(boxes) if sure is None else sure
         rows = list(range(sure))
-        place, theirs = _places(None if was_lost else target, others, boxes[rows], looks[rows], alike[rows])
+        tracked, unturned, unmoved = (
+            self._tracked(each, dt_s, boxes[rows], looks[rows], alike[rows]) for each in (motion, STILL, None)
+        )
+        tracked = max(tracked, unturned, key=lambda each: each.fit)
+        if unmoved.fit > tracked.fit + _THROWN:
+            tracked = unmoved
+        target, others, place, theirs, _ = tracked
         faint = None if was_lost or place is not None else _faintly(target, boxes, looks, alike, sure)
         if faint is not None:
             rows, place = [*rows, faint], sure
@@ -156,6 +177,21 @@ class TargetLock:
         state = TargetState.REACQUIRED if was_lost else TargetState.TRACKED
         return Locked(state, rows[place], float(here.alike[place]))
 
+    def _tracked(
+        self,
+        motion: Motion | None,
+        dt_s: float,
+        boxes: Boxes,
+        looks: NDArray[np.float32],
+        alike: NDArray[np.float32],
+    ) -> _Tracked:
+        """Return everybody where they are if the camera moved so; None: where they were in the picture."""
+        assert self._target is not None
+        target = self._target.expected(motion, dt_s)
+        others = [replace(other, person=other.person.expected(motion, dt_s)) for other in self._others]
+        places = _places(None if self._target.lost else target, others, boxes, looks, alike)
+        return _Tracked(target, others, *places)
+
 
 def _expected(target: Target, boxes: Boxes) -> tuple[float, float, float, float] | None:
     """Return where a target that has just been missed is, unless somebody else was found there."""
@@ -178,8 +214,9 @@ def _places(
     boxes: Boxes,
     looks: NDArray[np.float32],
     alike: NDArray[np.float32],
-) -> tuple[int | None, dict[int, int]]:
-    """Return the target's box, None for a target that is None or unseen, and the others' as {box: place}.
+) -> tuple[int | None, dict[int, int], float]:
+    """Return the target's box, None for a target that is None or unseen; the others' as {box: place}; and how
+    well they fit, in all.
 
     `alike` is how alike each look is to the target's.
     """
@@ -189,9 +226,9 @@ def _places(
     least = [_LEAST_ALIKE] * first + [_LEAST_ALIKE_OTHERS] * len(others)
     cut = np.array([is_cut(look) for look in looks], bool)
     shares = np.array(rows).reshape(len(people), len(boxes))
-    owner = assigned(people, boxes.astype(np.float64), shares, least, cut)
+    owner, fit = assigned(people, boxes.astype(np.float64), shares, least, cut)
     place = owner.pop(0, None) if first else None
-    return place, {box: row - first for row, box in owner.items()}
+    return place, {box: row - first for row, box in owner.items()}, fit
 
 
 def _faintly(
@@ -199,7 +236,7 @@ def _faintly(
 ) -> int | None:
     """Return which of the boxes after the first `sure` ones is the target's; None if none is, or it is
     somebody's."""
-    place, _ = _places(target, [], boxes[sure:], looks[sure:], alike[sure:])
+    place, *_ = _places(target, [], boxes[sure:], looks[sure:], alike[sure:])
     if place is None or overlap(boxes[sure + place][None], boxes[:sure]).max(initial=0.0) >= _TAKEN:
         return None
     return sure + place

@@ -61,8 +61,10 @@ class Person:
         """Of the box, px."""
         return float(self.box[3] - self.box[1])
 
-    def expected(self, motion: Motion, dt_s: float) -> Person:
-        """Return the track predicted one image ahead."""
+    def expected(self, motion: Motion | None, dt_s: float) -> Person:
+        """Return the track predicted one image ahead by the camera's motion and its own; None: by neither."""
+        if motion is None:
+            return replace(self, unseen_s=self.unseen_s + dt_s)
         corners = self.box.reshape(2, 2)
         if self.unseen_s <= _DRIFT_S:
             corners = corners + self.velocity * dt_s
@@ -93,8 +95,10 @@ def assigned(
     alike: NDArray[np.float64],
     least_alike: Sequence[float],
     cut: NDArray[np.bool_],
-) -> dict[int, int]:
+) -> tuple[dict[int, int], float]:
     """Associate tracks with boxes, as {index in `people`: index in `boxes`}; greedy, best pair first.
+
+    The second result is how well they fit: the sum over all pairs of IoU and weighted similarity.
 
     All tracks compete, so that a person walking in front of the target keeps their own box.
 
@@ -106,7 +110,7 @@ def assigned(
         cut: whether the picture cuts off each box above or below, shape (m,).
     """
     if not len(people) or not len(boxes):
-        return {}
+        return {}, 0.0
     score = np.full(alike.shape, -np.inf)
     for row, person in enumerate(people):
         here = person.box[None]
@@ -122,10 +126,11 @@ def assigned(
         )
         score[row, fits] = shared[fits] + _LOOK_WEIGHT * alike[row, fits]
     pairs: dict[int, int] = {}
+    fit = 0.0
     while True:
         mine, its = divmod(int(score.argmax()), len(boxes))
         if score[mine, its] <= _LEAST_SCORE:
-            return pairs
-        pairs[mine] = its
+            return pairs, fit
+        pairs[mine], fit = its, fit + float(score[mine, its])
         score[mine, :] = -np.inf
         score[:, its] = -np.inf

@@ -405,6 +405,25 @@ def test_a_camera_that_pans_40_px_a_picture_changes_nothing():
     assert set(states(said)) == {TRACKED}
 
 
+@pytest.mark.parametrize(
+    ("measured", "along_with_it"),
+    [
+        (lambda t_s, motion: motion - 150 * (t_s == 1), False),
+        (lambda t_s, motion: motion - 150 * (t_s == 1), True),
+        (lambda t_s, motion: motion * (t_s != 1), True),
+        (lambda t_s, motion: motion * (t_s >= 1), True),
+    ],
+    ids=["a stride on repeated tiles", "the same on the way", "unknown once", "unknown at first"],
+)
+def test_a_camera_whose_motion_is_measured_wrongly_or_not_at_all_loses_nobody(measured, along_with_it):
+    """The robot stands, or turns as its target walks, 60 px a picture: in a picture the target stays."""
+    speed = 60 * RATE_HZ * along_with_it
+    walkers = [Walker("red with green trousers", moving(120, speed)), Walker("red", moving(200, speed))]
+    said = follow(walkers, 2, target=1, pan=moving(0, speed), measured=measured)
+    assert set(followed(said)) == {1}
+    assert set(states(said)) == {TRACKED}
+
+
 def test_an_empty_picture_is_one_without_the_target():
     said = follow([Walker("red", steady(200), here=lambda t_s: t_s < 0.1 or 0.4 < t_s < 1)], 4)
     assert states(said)[-1] is LOST

@@ -100,9 +100,13 @@ def shares(people, kinds):
     return np.array(rows).reshape(len(people), len(kinds))
 
 
+def pairs(*arguments):
+    return assigned(*arguments)[0]
+
+
 def whose(people, boxes, kinds, least=0.4):
     found = np.array(boxes, float).reshape(-1, 4)
-    return assigned(people, found, shares(people, kinds), [least] * len(people), np.zeros(len(found), bool))
+    return pairs(people, found, shares(people, kinds), [least] * len(people), np.zeros(len(found), bool))
 
 
 def test_the_best_pair_comes_first_and_the_next_gets_what_is_left():
@@ -122,7 +126,7 @@ def test_likeness_counts_twice_as_much_as_place(likeness_here, place):
     """The first box is where they must be; the other overlaps it little and looks exactly like them."""
     someone = Person.new(BOX, look())
     boxes = np.array([BOX, aside(33)], float)
-    assert assigned([someone], boxes, np.array([[likeness_here, 1.0]]), [0.4], WHOLE) == {0: place}
+    assert pairs([someone], boxes, np.array([[likeness_here, 1.0]]), [0.4], WHOLE) == {0: place}
 
 
 @pytest.mark.parametrize(
@@ -146,14 +150,13 @@ def test_whom_the_picture_cuts_off_is_known_by_their_width():
     cut_look[1:] = 0
     person = Person.new(BOX, look())
     alike = np.array([[0.9]])
-    assert assigned([person], head, alike, [0.4], WHOLE[:1]) == {}
-    assert assigned([person], head, alike, [0.4], ~WHOLE[:1]) == {0: 0}
+    assert pairs([person], head, alike, [0.4], WHOLE[:1]) == {}
+    assert pairs([person], head, alike, [0.4], ~WHOLE[:1]) == {0: 0}
     again = person.seen(head[0].astype(np.float32), cut_look, 0)
-    assert assigned([again], whole[None], alike, [0.4], WHOLE[:1]) == {0: 0}
-    assert assigned([again], whole[None] + [[-80, 0, 80, 0]], alike, [0.4], WHOLE[:1]) == {}
+    assert pairs([again], whole[None], alike, [0.4], WHOLE[:1]) == {0: 0}
+    assert pairs([again], whole[None] + [[-80, 0, 80, 0]], alike, [0.4], WHOLE[:1]) == {}
     assert (
-        assigned([again.seen(head[0].astype(np.float32), look(), 0)], whole[None], alike, [0.4], WHOLE[:1])
-        == {}
+        pairs([again.seen(head[0].astype(np.float32), look(), 0)], whole[None], alike, [0.4], WHOLE[:1]) == {}
     )
 
 
@@ -166,7 +169,7 @@ def test_the_longer_somebody_was_out_of_sight_the_further_they_may_have_gone():
 
 def test_where_nobody_or_nothing_is_there_is_no_pair():
     assert whose([], [BOX], [0]) == {}
-    assert assigned([Person.new(BOX, look())], np.empty((0, 4)), np.empty((1, 0)), [0.4], WHOLE[:0]) == {}
+    assert pairs([Person.new(BOX, look())], np.empty((0, 4)), np.empty((1, 0)), [0.4], WHOLE[:0]) == {}
 
 
 places = st.lists(st.tuples(st.integers(0, 30), st.integers(0, 2)), min_size=1, max_size=5, unique=True)

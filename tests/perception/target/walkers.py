@@ -85,12 +85,13 @@ def looking(kinds):
     return looks
 
 
-def sights(walkers, seconds, pan=lambda t_s: 0.0, order=None):
-    """Yield the detections of each picture, in the world's order; `order` may reorder or drop them."""
+def sights(walkers, seconds, pan=lambda t_s: 0.0, order=None, measured=lambda t_s, motion: motion):
+    """Yield the detections of each picture, in the world's order; `order` may reorder or drop them, and the
+    camera's motion, px, may be `measured` wrongly."""
     before = pan(0.0)
     for number in range(round(seconds * RATE_HZ) + 1):
         t_s = number / RATE_HZ
-        motion = np.array([[1.0, 0, before - pan(t_s)], [0, 1, 0]])
+        motion = np.array([[1.0, 0, measured(t_s, before - pan(t_s))], [0, 1, 0]])
         before = pan(t_s)
         yield _sight(walkers, t_s, before, motion, order)
 
