@@ -1,13 +1,12 @@
 """The target lock: finds the chosen person among the boxes of each image (re-identification).
 
 The target is tracked by predicted position and appearance, together with everybody else in view: all tracks
-compete for the boxes, from where the camera's motion and their own have them, or from where they were in the
-picture, whichever fits better. A target out of sight for too long is lost. It is reacquired only by a person
-who is similar to the target, more similar than everybody else, and more similar than that person was while
-beside the target; who hid it is not taken for it. Who came after it had gone may be it before it is lost,
-unless somebody stands where it is expected. Until then there is no target. Where the chosen box held two
-people, the target is the one who looks more like it once they are apart. Time is passed in; the same images
-give the same results.
+compete for the boxes, from where they are if the camera moved as measured or if it did not, whichever fits
+better. A target out of sight for too long is lost. It is reacquired only by a person who is similar to the
+target, more similar than everybody else, and more similar than that person was while beside the target; who
+hid it is not taken for it. Who came after it had gone may be it before it is lost, unless somebody stands
+where it is expected. Until then there is no target. Where the chosen box held two people, the target is the
+one who looks more like it once they are apart. Time is passed in; the same images give the same results.
 """
 
 from __future__ import annotations
@@ -49,9 +48,6 @@ _NEW_SCORE = 0.45
 _SAME, _NESTED = 0.5, 0.85
 """IoU with the target's box, and share of the smaller one within the other, from which on an unmatched box is
 a second one on the target and starts no track, which would take the target's next box for its own."""
-_THROWN = 1.0
-"""By how much better the boxes must fit where everybody was in the picture than where they were going, to be
-there: some half a person. People who cross are told apart by where they go."""
 _LEAST_ALIKE, _LEAST_ALIKE_OTHERS = 0.5, 0.4
 _LEARN = 0.1
 """Share of another person's new appearance blended into the known one."""
@@ -139,13 +135,10 @@ class TargetLock:
         alike = self._target.alike(looks)
         sure = len(boxes) if sure is None else sure
         rows = list(range(sure))
-        tracked, unturned, unmoved = (
-            self._tracked(each, dt_s, boxes[rows], looks[rows], alike[rows]) for each in (motion, STILL, None)
+        target, others, place, theirs, _ = max(
+            (self._tracked(each, dt_s, boxes[rows], looks[rows], alike[rows]) for each in (motion, STILL)),
+            key=lambda tracked: tracked.fit,
         )
-        tracked = max(tracked, unturned, key=lambda each: each.fit)
-        if unmoved.fit > tracked.fit + _THROWN:
-            tracked = unmoved
-        target, others, place, theirs, _ = tracked
         faint = None if was_lost or place is not None else _faintly(target, boxes, looks, alike, sure)
         if faint is not None:
             rows, place = [*rows, faint], sure
@@ -179,13 +172,13 @@ class TargetLock:
 
     def _tracked(
         self,
-        motion: Motion | None,
+        motion: Motion,
         dt_s: float,
         boxes: Boxes,
         looks: NDArray[np.float32],
         alike: NDArray[np.float32],
     ) -> _Tracked:
-        """Return everybody where they are if the camera moved so; None: where they were in the picture."""
+        """Return everybody where they are if the camera moved so, and whose the boxes are then."""
         assert self._target is not None
         target = self._target.expected(motion, dt_s)
         others = [replace(other, person=other.person.expected(motion, dt_s)) for other in self._others]

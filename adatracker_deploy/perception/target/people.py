@@ -61,10 +61,8 @@ class Person:
         """Of the box, px."""
         return float(self.box[3] - self.box[1])
 
-    def expected(self, motion: Motion | None, dt_s: float) -> Person:
-        """Return the track predicted one image ahead by the camera's motion and its own; None: by neither."""
-        if motion is None:
-            return replace(self, unseen_s=self.unseen_s + dt_s)
+    def expected(self, motion: Motion, dt_s: float) -> Person:
+        """Return the track predicted one image ahead by the camera's motion and its own."""
         corners = self.box.reshape(2, 2)
         if self.unseen_s <= _DRIFT_S:
             corners = corners + self.velocity * dt_s
@@ -98,8 +96,6 @@ def assigned(
 ) -> tuple[dict[int, int], float]:
     """Associate tracks with boxes, as {index in `people`: index in `boxes`}; greedy, best pair first.
 
-    The second result is how well they fit: the sum over all pairs of IoU and weighted similarity.
-
     All tracks compete, so that a person walking in front of the target keeps their own box.
 
     Args:
@@ -108,6 +104,9 @@ def assigned(
         alike: of each person and box, shape (n, m).
         least_alike: for each person, the likeness below which a box is not theirs.
         cut: whether the picture cuts off each box above or below, shape (m,).
+
+    Returns:
+        The pairs; and how well they fit, the sum of their IoU and weighted similarity.
     """
     if not len(people) or not len(boxes):
         return {}, 0.0

@@ -125,15 +125,15 @@ class Target:
         mine = [self.person.alike(looks), *(likeness(looks, view) for view in self.views)]
         return np.asarray(np.max(mine, axis=0), np.float32)
 
-    def expected(self, motion: Motion | None, dt_s: float) -> Target:
-        """Return the target predicted one image ahead; None: where it was in the picture."""
+    def expected(self, motion: Motion, dt_s: float) -> Target:
+        """Return the target predicted one image ahead."""
         person = self.person.expected(motion, dt_s)
         return replace(
             self,
             person=person,
             clear_s=self.clear_s + dt_s,
             since_s=self.since_s + dt_s,
-            height=self.height if motion is None else self.height * float(np.hypot(*motion[:, 0])),
+            height=self.height * float(np.hypot(motion[0, 0], motion[1, 0])),
             free_s=self.free_s + dt_s,
         )
 

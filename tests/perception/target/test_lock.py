@@ -424,6 +424,25 @@ def test_a_camera_whose_motion_is_measured_wrongly_or_not_at_all_loses_nobody(me
     assert set(states(said)) == {TRACKED}
 
 
+def test_a_turn_that_is_measured_late_gives_the_target_to_nobody_who_has_gone():
+    """Until the turn is measured, all seem to walk with the picture; then whoever has gone is expected where
+    the target is, and the target further on."""
+    along_with_it = -40 * RATE_HZ
+    walkers = [
+        Walker("red with green trousers", moving(160, along_with_it), here=lambda t_s: t_s < 0.9),
+        Walker("red", moving(200, along_with_it)),
+    ]
+    said = follow(
+        walkers,
+        1.5,
+        target=1,
+        pan=moving(0, along_with_it),
+        measured=lambda t_s, motion: motion * (t_s >= 1),
+    )
+    assert set(followed(said)) == {1}
+    assert set(states(said)) == {TRACKED}
+
+
 def test_an_empty_picture_is_one_without_the_target():
     said = follow([Walker("red", steady(200), here=lambda t_s: t_s < 0.1 or 0.4 < t_s < 1)], 4)
     assert states(said)[-1] is LOST
