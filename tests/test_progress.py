@@ -19,6 +19,8 @@ NOT_ASKED = Latency(observation_age_ms=300, infer_ms=0, sensor_to_command_ms=300
     [
         ({}, "10/600", "target lost"),
         ({"box": None}, "target lost", "frame too old"),
+        ({"box": None}, "target lost", "searching"),
+        ({"box": None, "searching": True}, "target lost, searching", "frame too old"),
         ({"box": None, "stale": True, "latency": NOT_ASKED}, "frame too old", "target lost"),
         ({"box": None, "stale": True}, "answer too late", "target lost"),
     ],

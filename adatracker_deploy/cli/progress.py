@@ -75,7 +75,8 @@ class Progress:
         passed_s = (record.t_ns - first.t_ns) / 1e9
         rate = f"{(record.step - first.step) / passed_s:4.1f} Hz" if passed_s > 0 else ""
         late = "  answer too late" if record.latency.infer_ms else "  frame too old"
-        seen = late if record.stale else "" if record.box else "  target lost"
+        lost = "  target lost, searching" if record.searching else "  target lost"
+        seen = late if record.stale else "" if record.box else lost
         return (
             f"  {record.step:4d}/{self._steps}  {where}  {rate}"
             f"  late {record.latency.lateness_ms:.1f} ms  missed {record.missed_deadlines}{seen}"

@@ -195,6 +195,8 @@ class Action:
     """The embodiment context z of shape (n,), where the policy has an encoder."""
     answer: Answer | None = None
     """The action's way from another machine; None for policies in this process."""
+    searching: bool = False
+    """The policy turns round to look for a target that has left the view, as a rule says."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -87,6 +87,8 @@ class StepRecord:
     drives it is recorded, and not obeyed."""
     context: tuple[float, ...]
     """The embodiment context z; empty without an encoder."""
+    searching: bool = False
+    """The policy drives, and turns round to look for the target; always false in older logs."""
     command: Twist
     """The velocity that the driver asked for: the policy, or the hand."""
     driver: str | None = None

@@ -67,6 +67,8 @@ class Reply:
     """The number of the request that it answers; None from servers that do not repeat it."""
     server_ms: float | None
     """Inference time, by the server's clock."""
+    searching: bool = False
+    """See `Action.searching`."""
 
 
 def written(info: PolicyInfo, observed: tuple[Observed, ...]) -> dict[str, Any]:
@@ -151,7 +153,8 @@ def read_reply(said: Any, axes: int) -> Reply:
     rows = np.atleast_2d(actions).astype(np.float32)
     if rows.shape[1] != axes or not 0 < len(rows) <= LONGEST_CHUNK:
         raise ValueError(f"actions of shape {actions.shape}: expected ({axes},) or (H, {axes})")
-    return Reply(rows, _context(said.get("context")), _whole(number), _inference_ms(said))
+    searching = said.get("searching") is True
+    return Reply(rows, _context(said.get("context")), _whole(number), _inference_ms(said), searching)
 
 
 def _state(state: PlatformState) -> dict[str, Any]:

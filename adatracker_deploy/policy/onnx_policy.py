@@ -22,6 +22,7 @@ from adatracker_deploy.policy.bundle import ENCODER_NAME, GOLDEN_NAME, POLICY_NA
 from adatracker_deploy.policy.drawing import MaskPainter
 from adatracker_deploy.policy.golden import GOLDEN_TICKS, GOLDEN_TOLERANCE
 from adatracker_deploy.policy.past import Past
+from adatracker_deploy.policy.search import searching
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -90,7 +91,8 @@ class OnnxPolicy:
     def act(self, observation: Observation) -> Action:
         """Paint the observation's mask and answer it."""
         values, context = self.step(self._painter.paint(observation.mask))
-        return Action(values, context)
+        searches = self._searches and bool(self._past.search_yaw())
+        return Action(values, context, searching=searches)
 
     def picture(self, observation: Observation) -> NDArray[np.uint8]:
         """Return what its network is given for an observation, as a picture of shape (S, S, C)."""
@@ -124,7 +126,7 @@ class OnnxPolicy:
             context = inputs["z"][0]
         action, inputs["h"], inputs["c"] = self._policy.run("action", "h_next", "c_next")
         if self._searches:
-            action = self._past.searched(action, self._info.action)
+            action = searching(action, self._past.search_yaw(), self._info.action)
         if "last_action" in inputs:
             inputs["last_action"] = action
         self._last_action = action[0]

@@ -79,16 +79,9 @@ class Past:
         if self._response is not None:
             self._response = response.advance(self._response, sight, drive, self._period_s)
 
-    def searched(self, values: Array, action: ActionSpec) -> Array:
-        """Return the answers (..., A) to the last picture, or a search where it is time for one.
-
-        Args:
-            values: the policy's own.
-            action: their axes; yaw is among them.
-        """
-        if self._belief is None:
-            return values
-        return search.searching(values, search.search_yaw(self._belief), action)
+    def search_yaw(self) -> Array:
+        """Return the yaw (...) with which to search, as `search.search_yaw`; 0 where nothing is believed."""
+        return np.zeros(self._shape, np.float32) if self._belief is None else search.search_yaw(self._belief)
 
     def told(self) -> Told:
         """Return what a network reads after the last picture."""

@@ -134,7 +134,7 @@ class PidPolicy:
         """Answer with (forward, yaw), each in [-1, 1]; zero until the target was seen once."""
         box = observation.box
         if box is None:
-            return Action(self._without(observation.t_ns))
+            return self._without(observation.t_ns)
         self._first = self._first or box
         dt_s = (observation.t_ns - self._seen_ns) / 1e9 if self._seen_ns else 1 / self.info.rate_hz
         dt_s = min(max(dt_s, 1e-3), _LONGEST_STEP_S)
@@ -146,10 +146,10 @@ class PidPolicy:
         self._last = np.array([forward, self._yaw.step(bearing, dt_s)], np.float32)
         return Action(self._last)
 
-    def _without(self, t_ns: int) -> np.ndarray[tuple[int], np.dtype[np.float32]]:
+    def _without(self, t_ns: int) -> Action:
         if self._first is None:
-            return np.zeros(2, np.float32)
+            return Action(np.zeros(2, np.float32))
         gone_s = (t_ns - self._seen_ns) / 1e9
         if gone_s < self._gains.coast_s:
-            return (self._last * (1 - gone_s / self._gains.coast_s)).astype(np.float32)
-        return np.array([0.0, self._gains.search_yaw * self._side], np.float32)
+            return Action((self._last * (1 - gone_s / self._gains.coast_s)).astype(np.float32))
+        return Action(np.array([0.0, self._gains.search_yaw * self._side], np.float32), searching=True)

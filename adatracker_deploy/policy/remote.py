@@ -177,7 +177,8 @@ class RemotePolicy:
         rows = answered.reply.actions
         row = round((observation.t_ns - answered.t_ns) / 1e9 * self._contract.rate_hz)
         way = Answer(answered.t_ns, answered.queue_ms, answered.round_trip_ms, answered.reply.server_ms)
-        return Action(rows[min(max(0, row), len(rows) - 1)], answered.reply.context, way)
+        values = rows[min(max(0, row), len(rows) - 1)]
+        return Action(values, answered.reply.context, way, answered.reply.searching)
 
     def close(self) -> None:
         """End the conversation, at once; may be called twice."""

@@ -103,6 +103,8 @@ def answer(policy: Policy, said: Any) -> dict[str, Any]:
         found["request"] = said["request"]
     if action.context is not None:
         found["context"] = action.context
+    if action.searching:
+        found["searching"] = True
     return found
 
 

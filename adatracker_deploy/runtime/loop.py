@@ -315,6 +315,7 @@ def _record(
         confidence=observation.confidence if action else 0.0,
         action=tuple(map(float, action.values)) if action else (),
         context=tuple(map(float, action.context)) if action and action.context is not None else (),
+        searching=action is not None and action.searching and not hand.drives,
         command=setpoint.twist,
         driver=BY_HAND if hand.drives else BY_POLICY,
         hand=hand.values,

@@ -100,6 +100,7 @@ def of_step(record: StepRecord) -> Mapping[str, Any]:
         "seq": record.frame_seq,
         "step": record.step,
         "target": "stale" if record.stale else record.target or ("seen" if record.box else "lost"),
+        "searching": record.searching,
         "confidence": record.confidence,
         "box": _box(record.box),
         "driver": record.driver,

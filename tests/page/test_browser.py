@@ -159,6 +159,10 @@ def test_it_shows_picture_mask_box_velocities_gate_and_times(tmp_path):
         assert inside == pytest.approx(tinted, abs=6)
         assert edge[1] > 180 > 2 * edge[0]  # the box's line
         assert tab.text("chip") == "tracked 0.90"
+        said = tab.value(
+            "state = {...state, target: 'lost', searching: true}, show(), byId('chip').textContent"
+        )
+        assert said == "lost, searching 0.90"
         assert tab.text("title") == "wheeled, <b>rehearsal</b>"  # text stays text
         assert re.fullmatch(r"following · step \d+ of 600", tab.text("clock"))
         axes = " ".join(tab.text("axes").split())

@@ -20,20 +20,12 @@ boxes = st.none() | st.builds(Box, fractions, fractions, fractions, fractions)
 
 def follow(policy, boxes, start_tick=1):
     """Show one box a tick; return the actions (T, 2): forward, yaw."""
-    return np.array(
-        [
-            policy.act(
-                Observation(
-                    mask=np.zeros((1, 1), np.uint8),
-                    box=box,
-                    confidence=1.0,
-                    t_ns=round((start_tick + tick) * 1e9 / RATE_HZ),
-                    seq=tick,
-                )
-            ).values
-            for tick, box in enumerate(boxes)
-        ]
-    )
+    return np.array([policy.act(at_tick(tick, box)).values for tick, box in enumerate(boxes, start_tick)])
+
+
+def at_tick(tick, box):
+    mask, t_ns = np.zeros((1, 1), np.uint8), round(tick * 1e9 / RATE_HZ)
+    return Observation(mask=mask, box=box, confidence=1.0, t_ns=t_ns, seq=tick)
 
 
 def after(*boxes, ticks=10):
@@ -108,6 +100,7 @@ def test_when_the_target_is_gone_it_fades_out_then_searches_towards_the_last_sid
     forward, yaw = gone[-1]
     assert forward == 0
     assert yaw * side == pytest.approx(0.6)
+    assert [policy.act(at_tick(60 + tick, box)).searching for tick, box in enumerate((None, FIRST))] == [1, 0]
 
 
 def test_a_reset_forgets_the_first_box():

@@ -52,10 +52,17 @@ def test_a_bundle_elsewhere_answers_as_the_same_bundle_here():
         for episode in (3, 4):
             here.reset(episode)
             there.reset(episode)
-            for seq in range(20):
-                ours, theirs = here.act(seen(seq)), there.act(seen(seq))
+            searched = []
+            for seq in range(60):
+                now = seen(seq) if seq < 20 else replace(seen(seq), mask=np.zeros((48, 64), np.uint8))
+                ours, theirs = here.act(now), there.act(now)
                 np.testing.assert_allclose(theirs.values, ours.values, atol=1e-6)
                 np.testing.assert_allclose(theirs.context, ours.context, atol=1e-6)
+                assert theirs.searching is ours.searching
+                searched.append(ours.searching)
+                assert not ours.searching or ours.values.tolist() in ([0, 1], [0, -1])
+            assert searched == sorted(searched)  # once the target has gone, and until it comes back
+            assert (searched[20], searched[-1]) == (False, True)
 
 
 def test_a_whole_episode_is_the_same_here_and_elsewhere():

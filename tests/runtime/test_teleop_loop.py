@@ -93,7 +93,7 @@ class Rig:
 
     def act(self, observation):
         self.asked += 1
-        return Action(np.array([0.5, 0.5], np.float32))
+        return Action(np.array([0.5, 0.5], np.float32), searching=True)
 
     def send(self, setpoint):
         self.setpoint = setpoint
@@ -167,6 +167,7 @@ def test_it_gives_back_only_when_told_to_and_every_tick_says_who_drove():
     assert {record.gate for record in standing[1:-1]} == {("dead_man",)}
     assert rig.asked == len(rig.records)  # what the policy remembers follows what is seen
     assert all(record.action for record in rig.records)
+    assert all(record.searching == (record.driver == BY_POLICY) for record in rig.records)
 
 
 def test_the_hand_passes_the_same_limits():

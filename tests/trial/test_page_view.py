@@ -100,5 +100,6 @@ def test_a_step_is_shown_with_wish_sent_gate_and_times():
     assert (state["gate"], state["target"], state["mode"]) == (("acceleration",), "tracked", "CAN")
     assert state["ms"]["infer"] == 2
     assert of_step(a_step(3, box=None))["target"] == "lost"
+    assert [of_step(a_step(3, searching=so))["searching"] for so in (False, True)] == [False, True]
     assert of_step(a_step(3, stale=True, box=None, target="tracked"))["target"] == "stale"
     assert "sent" not in of_step(a_step(3, sent=None))
