@@ -90,9 +90,13 @@ def main() -> None:
             print_detection(found, truth)
         if every or arguments.identity:
             print_identity(found, truth)
+            jittered = []
             for seed in range(arguments.jitter):
                 print(f"jittered, seed {seed}:")
-                print_identity(detect(video, arguments.side, seed), truth)
+                jittered.append(print_identity(detect(video, arguments.side, seed), truth))
+            if jittered:
+                success, wrong = np.mean(jittered, axis=0)
+                print(f"mean of {len(jittered)} seeds{success:17.3f}{wrong:9.3f}")
         if every or arguments.noise:
             print_noise(found, truth)
     if every or arguments.speed:
@@ -160,7 +164,8 @@ def matches(shared: np.ndarray) -> int:
     return count
 
 
-def print_identity(found, truth) -> None:
+def print_identity(found, truth) -> tuple[float, float]:
+    """Print what became of each person, and return the means over people of success and wrong person."""
     print("one person kept           success    wrong       EL   frames")
     rows = []
     for person in sorted({person for frame in truth for person in frame}):
@@ -172,6 +177,7 @@ def print_identity(found, truth) -> None:
     print(f"mean of {len(rows)} people{means}")
     share = frames / frames.sum()
     print(f"mean of all frames{success @ share:15.3f}{wrong @ share:9.3f}")
+    return success.mean(), wrong.mean()
 
 
 def follow(person: int, found, truth) -> tuple[float, float, float, int]:
