@@ -17,10 +17,13 @@ import cv2
 import numpy as np
 import pytest
 
-from adatracker_deploy.app.view_run import Viewer
+from adatracker_deploy.app.view_page import ViewPage
+from adatracker_deploy.app.view_run import Viewed, Viewer
 from adatracker_deploy.cli import main
 from adatracker_deploy.core.geometry import Pose
 from adatracker_deploy.core.messages import Action, Box, Frame, Observation, TargetState, Truth
+from adatracker_deploy.core.ports import unused_port
+from adatracker_deploy.page.address import Address
 from adatracker_deploy.perception.capture import Capture
 from adatracker_deploy.perception.mjpeg_server import MjpegServer
 from adatracker_deploy.policy.base import ActionAxis, PolicyInfo
@@ -54,6 +57,8 @@ class Scripted:
 
     def __init__(self, states):
         self._states = iter(states)
+
+    needs_truth = False
 
     def reset(self):
         pass
@@ -286,6 +291,19 @@ def test_a_click_on_nobody_in_a_live_camera_is_told_on_the_page(rehearsal):
     ((level, text),) = news["events"]
     assert level == "warning"
     assert text == "click at 0.25, 0.50: nobody was found there, so the target is the same as before"
+
+
+def test_the_page_tells_that_a_policy_searches():
+    segmenter = Scripted([TargetState.LOST] * 2)
+    frame = Frame(rgb=picture(1), t_ns=0, seq=0)
+    address = Address(unused_port(socket.SOCK_STREAM))
+    page = ViewPage(address, "film", "backwards", "auto", segmenter)
+    with contextlib.closing(page), browser_of(page.url).feed() as stream:
+        for searches in (True, False):
+            action = Action(np.zeros(2, np.float32), searching=searches)
+            page.show(Viewed(frame, segmenter(frame), action, 1.0), None, None)
+            news, *_ = stream.until(lambda update: update[0].get("state"))
+            assert news["state"]["searching"] is searches
 
 
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])

@@ -77,6 +77,7 @@ class ViewPage:
                 "phase": "viewing",
                 "seq": frame.seq,
                 "target": state,
+                "searching": viewed.action is not None and viewed.action.searching,
                 "confidence": observation.confidence,
                 "box": None if box is None else (box.cx, box.cy, box.w, box.h),
                 "wish": {_FIELDS[axis]: value for axis, value in (moves or {}).items()},

@@ -17,7 +17,7 @@ from adatracker_deploy.policy.drawing import MaskPainter
 from adatracker_deploy.policy.golden import Golden
 from adatracker_deploy.policy.manifest import MaskSpec
 from adatracker_deploy.policy.past import Past
-from adatracker_deploy.policy.search import searching
+from adatracker_deploy.policy.search import with_search
 
 
 def rollout(checkpoint: Checkpoint, masks: NDArray[np.float32]) -> Golden:
@@ -64,7 +64,7 @@ def _adatracker(checkpoint: AdaTracker, masks: Tensor) -> dict[str, Array]:
         mean, _, state = policy(mask[None, None], z, state, before, believed)
         last_action = torch.tanh(mean)
         if meta.search:
-            last_action = torch.from_numpy(searching(last_action.numpy(), past.search_yaw(), meta.action))
+            last_action = torch.from_numpy(with_search(last_action.numpy(), past.search_yaw(), meta.action))
         past_actions[tick + config.history] = last_action[0, 0]
     answers = {"action": past_actions[config.history :].numpy()}
     if config.belief:

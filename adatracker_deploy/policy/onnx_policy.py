@@ -22,7 +22,7 @@ from adatracker_deploy.policy.bundle import ENCODER_NAME, GOLDEN_NAME, POLICY_NA
 from adatracker_deploy.policy.drawing import MaskPainter
 from adatracker_deploy.policy.golden import GOLDEN_TICKS, GOLDEN_TOLERANCE
 from adatracker_deploy.policy.past import Past
-from adatracker_deploy.policy.search import searching
+from adatracker_deploy.policy.search import with_search
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -81,6 +81,7 @@ class OnnxPolicy:
         self._imposed: Array | None = None
         self._past.forget()
         self._last_action = np.zeros(len(self._info.action), np.float32)
+        self._searching = False
         if self._encoder is not None:
             self._encoder.reset()
 
@@ -91,8 +92,7 @@ class OnnxPolicy:
     def act(self, observation: Observation) -> Action:
         """Paint the observation's mask and answer it."""
         values, context = self.step(self._painter.paint(observation.mask))
-        searches = self._searches and bool(self._past.search_yaw())
-        return Action(values, context, searching=searches)
+        return Action(values, context, searching=self._searching)
 
     def picture(self, observation: Observation) -> NDArray[np.uint8]:
         """Return what its network is given for an observation, as a picture of shape (S, S, C)."""
@@ -126,7 +126,8 @@ class OnnxPolicy:
             context = inputs["z"][0]
         action, inputs["h"], inputs["c"] = self._policy.run("action", "h_next", "c_next")
         if self._searches:
-            action = searching(action, self._past.search_yaw(), self._info.action)
+            yaw = self._past.search_yaw()
+            action, self._searching = with_search(action, yaw, self._info.action), bool(yaw)
         if "last_action" in inputs:
             inputs["last_action"] = action
         self._last_action = action[0]

@@ -36,7 +36,7 @@ def search_yaw(state: Array) -> Array:
     return np.where(ever & (at["seen"] == 0) & strayed, side, np.float32(0))
 
 
-def searching(values: Array, yaw: Array, action: ActionSpec) -> Array:
+def with_search(values: Array, yaw: Array, action: ActionSpec) -> Array:
     """Return a policy's actions (..., A), with the search in their place where `yaw` (...) is not 0.
 
     Args:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from adatracker_deploy.policy import belief
 from adatracker_deploy.policy.base import ActionAxis
-from adatracker_deploy.policy.search import STRAYED_RAD, search_yaw, searching
+from adatracker_deploy.policy.search import STRAYED_RAD, search_yaw, with_search
 
 PERIOD_S = 0.1
 STILL = np.zeros(2, np.float32)
@@ -71,12 +71,12 @@ def test_it_goes_on_until_the_target_is_seen():
 def test_a_search_is_written_in_the_actions_order_and_signs():
     action = (ActionAxis(axis="yaw", sign=-1), ActionAxis(axis="lateral"), ActionAxis(axis="forward"))
     own = np.full((2, 3), 0.25, np.float32)
-    assert searching(own, np.float32([1, 0]), action).tolist() == [[-1, 0, 0], [0.25, 0.25, 0.25]]
+    assert with_search(own, np.float32([1, 0]), action).tolist() == [[-1, 0, 0], [0.25, 0.25, 0.25]]
 
 
 def test_a_search_does_not_hide_a_network_that_answers_no_number():
     action = (ActionAxis(axis="forward"), ActionAxis(axis="yaw"))
-    found = searching(np.float32([[np.nan, 0.5], [0.5, np.inf]]), np.float32([1, 1]), action)
+    found = with_search(np.float32([[np.nan, 0.5], [0.5, np.inf]]), np.float32([1, 1]), action)
     assert np.isfinite(found).tolist() == [[False, True], [True, False]]
 
 
