@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import copy
 import itertools
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -70,12 +71,15 @@ class TwinCritics(nn.Module):
         return torch.stack([critic(seen).squeeze(-1) for critic in self.critics])
 
     @torch.no_grad()
-    def measure_spread(self, states: Tensor) -> None:
-        """Set `spread` by states (..., S)."""
+    def measure_spread(self, worth: Callable[[Tensor], Tensor]) -> None:
+        """Set `spread`.
+
+        Args:
+            worth: what an action, (2,), is worth in each of the states that count.
+        """
         grid = torch.tensor(list(itertools.product(_GRID, _GRID)), device=self.mean.device)
-        actions = grid.reshape(-1, *[1] * (states.ndim - 1), 2).expand(-1, *states.shape[:-1], -1)
-        values = self.values(states.expand(len(grid), *states.shape), actions)
-        self.spread.copy_(values.mean(0).std(0).mean().clamp(min=1e-6))
+        values = torch.stack([worth(action) for action in grid])
+        self.spread.copy_(values.std(0).mean().clamp(min=1e-6))
 
     def _standard(self, states: Tensor) -> Tensor:
         standard: Tensor = (states - self.mean) / self.std
@@ -84,8 +88,9 @@ class TwinCritics(nn.Module):
     def _moved(self, states: Tensor, actions: Tensor) -> Tensor:
         """Return what actions mean in this body, halved: speed, turn and, if known, speed to the target."""
         forward, yaw = actions[..., 0], actions[..., 1]
-        ahead = torch.where(forward >= 0, self._of(states, "log_forward"), self._of(states, "log_backward"))
-        speed, turn = forward * ahead.exp(), yaw * self._of(states, "log_yaw").exp()
+        limits = ("log_forward", "log_backward", "log_yaw")
+        ahead, backward, around = (self._of(states, column).exp() for column in limits)
+        speed, turn = (forward * ahead).maximum(-backward), yaw * around
         told = (speed, turn, speed - self._of(states, _TARGET)) if _TARGET in self._columns else (speed, turn)
         return torch.stack(told, dim=-1) / 2
 
@@ -147,7 +152,8 @@ class StateCritics(TwinCritics):
             with torch.no_grad():
                 for slow, fast in zip(target.parameters(), self.parameters(), strict=True):
                     slow.lerp_(fast, _FOLLOW)
-        self.measure_spread(_Tensors(data.moves(rng, _SPREAD_STATES), self.mean.device).states)
+        states = _Tensors(data.moves(rng, _SPREAD_STATES), self.mean.device).states
+        self.measure_spread(lambda action: self.values(states, action.expand(len(states), 2)).mean(0))
         return {"critics": float(critic_loss.detach()), "state_policy": float(policy_loss.detach())}
 
     def _critic_loss(self, moves: _Tensors, target: StateCritics, conservative: float) -> Tensor:

@@ -14,6 +14,8 @@ as they are, so what the memory reads is computed once for each step. Not the pa
 from __future__ import annotations
 
 import copy
+import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,11 +23,13 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from adatracker_deploy.core.task import MAX_BEARING_RAD, MAX_DISTANCE_M
 from adatracker_deploy.learning.data.state import COLUMNS
 from adatracker_deploy.learning.data.visit import Company
 from adatracker_deploy.learning.losses import mean_where
 from adatracker_deploy.learning.train.agent import Agent, Sequences
 from adatracker_deploy.learning.train.critics import TwinCritics, falling
+from adatracker_deploy.learning.train.foresight import FORESEEN, Foresight
 from adatracker_deploy.learning.train.method import Learner, Say, counted
 from adatracker_deploy.learning.train.settings import TrainSettings
 
@@ -45,12 +49,16 @@ _POLICY_EVERY = 2
 """Updates of the critics for one of the policy, the source's."""
 _SPREAD_EVERY = 100
 _ANCHOR = 0.5
-"""Weight of the distance from the actions of the policy that it began with, in units of the critics' spread.
+"""Weight of the distance from the actions of the policy that it began with, in units of the critics' spread,
+in a body that turns at `_NOMINAL_YAW_RAD_S` (`_reach`).
 A distance and not its square: an action stays where it was unless the critics promise more than this for
 moving it. They are smooth where the reward has its ridge (bearing zero, 2.5 m), so they know a good action a
 little worse than the policy does, and a square gives way to that everywhere (`docs/learning.md`)."""
 _NEAR = 0.02
 """Distances below are rounded off, so that the gradient has no jump."""
+_NOMINAL_YAW_RAD_S = math.radians(120.0)
+_FORWARD_WEIGHT = 2.0
+"""Of the distance along the forward axis, beside what it moves of the reward."""
 _LEAST_STD = 0.05
 """Of a state's column, so that what hardly varies in the first data does not blow up later."""
 
@@ -71,7 +79,7 @@ class Td3(Learner):
         self._settings = settings
         config, device = agent.config, next(agent.parameters()).device
         self._told = sum(config.inputs.values()) - config.features - config.context
-        columns = (*COLUMNS, *(f"told_{index}" for index in range(self._told)))
+        columns = (*COLUMNS, *(f"told_{index}" for index in range(self._told)), *FORESEEN)
         self.critics = TwinCritics(columns, _WIDTH).to(device)
         self._targets = copy.deepcopy(self.critics).requires_grad_(False)
         self._begun = copy.deepcopy(agent.policy).requires_grad_(False)
@@ -104,11 +112,14 @@ class Td3(Learner):
         improves = number >= settings.critic_updates and number % _POLICY_EVERY == 0
         weight = counted(sequences)
         told = sequences.inputs[..., sequences.inputs.shape[-1] - self._told :]
-        states = torch.cat((sequences.states, told), dim=-1)
+        known = _Known(
+            torch.cat((sequences.states, told), dim=-1),
+            Foresight(sequences.states, sequences.actions, sequences.valid),
+        )
         short = torch.autocast(weight.device.type, torch.bfloat16, enabled=settings.bfloat16)
         with torch.set_grad_enabled(improves), short:
             actions = _acts(self.agent.policy, sequences.inputs).float()
-        loss = self._critic_loss(states, actions.detach(), sequences, weight)
+        loss = self._critic_loss(known, actions.detach(), sequences, weight)
         self._critic_optimizer.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
         nn.utils.clip_grad_norm_(self.critics.parameters(), _CLIP)
@@ -117,30 +128,36 @@ class Td3(Learner):
             for slow, fast in zip(self._targets.parameters(), self.critics.parameters(), strict=True):
                 slow.lerp_(fast, _FOLLOW)
         if number % _SPREAD_EVERY == 0 or not self.critics.spread:
-            self.critics.measure_spread(states[sequences.valid > 0])
+            self.critics.measure_spread(lambda action: self._worth(known, action)[sequences.valid > 0])
         losses = {"loss": loss.detach()}
-        return losses | self._improve(states, actions, sequences.inputs, weight) if improves else losses
+        return losses | self._improve(known, actions, sequences.inputs, weight) if improves else losses
 
-    def _critic_loss(self, states: Tensor, actions: Tensor, sequences: Sequences, weight: Tensor) -> Tensor:
+    def _worth(self, known: _Known, actions: Tensor) -> Tensor:
+        """Return what the critics think of actions, (B, L, A) or one for all, (A,): (B, L)."""
+        actions = actions.expand(*known.states.shape[:-1], -1)
+        return self.critics.values(known.of(actions), actions).mean(0)
+
+    def _critic_loss(self, known: _Known, actions: Tensor, sequences: Sequences, weight: Tensor) -> Tensor:
         """Return the twins' mean squared error to one step of reward and the value of what follows."""
         with torch.no_grad():
             noise = (torch.randn_like(actions) * _SMOOTHING).clamp(-_MOST_SMOOTHING, _MOST_SMOOTHING)
-            nexts = _next((actions + noise).clamp(-1.0, 1.0))
-            worth = self._targets.values(_next(states), nexts).amin(0)
+            about = (actions + noise).clamp(-1.0, 1.0)
+            worth = _next(self._targets.values(known.of(about), about).amin(0))
             returns = sequences.rewards * (1 - _DISCOUNT) + _DISCOUNT * (1 - sequences.done) * worth
         executed = sequences.actions[:, -weight.shape[1] :]
-        error = ((self.critics.values(states, executed) - returns) ** 2).mean(0)
+        error = ((self.critics.values(known.of(executed), executed) - returns) ** 2).mean(0)
         follows = functional.pad(sequences.valid[:, 1:], (0, 1))
         return mean_where(error, weight * torch.maximum(follows, sequences.done))
 
-    def _improve(self, states: Tensor, actions: Tensor, inputs: Tensor, weight: Tensor) -> dict[str, Tensor]:
+    def _improve(self, known: _Known, actions: Tensor, inputs: Tensor, weight: Tensor) -> dict[str, Tensor]:
         """Take one step with the policy."""
         with torch.no_grad():
             before = _acts(self._begun, inputs)
         self.critics.requires_grad_(False)
-        worth = mean_where(self.critics.values(states, actions).mean(0), weight)
+        worth = mean_where(self._worth(known, actions), weight)
         self.critics.requires_grad_(True)
-        apart = mean_where((((actions - before) ** 2).sum(-1) + _NEAR**2).sqrt(), weight)
+        moved = _reach(known.states) * ((actions - before) ** 2 + _NEAR**2).sqrt()
+        apart = mean_where(moved.sum(-1), weight)
         self._optimizer.zero_grad()
         (_ANCHOR * apart - worth / self.critics.spread).backward()  # type: ignore[no-untyped-call]
         nn.utils.clip_grad_norm_(self._acting, _CLIP)
@@ -168,6 +185,29 @@ class Td3(Learner):
         self._prepared = state["prepared"]
         self._critic_optimizer.load_state_dict(state["critic_optimizer"])
         self._optimizer.load_state_dict(state["optimizer"])
+
+
+@dataclass(frozen=True, slots=True)
+class _Known:
+    """What critics know of a sequence's steps."""
+
+    states: Tensor
+    """(B, L, S): true, and what the policy is told."""
+    foresight: Foresight
+
+    def of(self, actions: Tensor) -> Tensor:
+        """Return all that they know with actions (B, L, A) in view."""
+        return torch.cat((self.states, self.foresight.of(actions)), dim=-1)
+
+
+def _reach(states: Tensor) -> Tensor:
+    """Return what a difference of 1 along each axis of an action moves of the next reward (B, L, 2).
+
+    It is in units of what that is for turning at `_NOMINAL_YAW_RAD_S`.
+    """
+    forward, yaw = (states[..., COLUMNS.index(name)].exp() for name in ("log_forward", "log_yaw"))
+    of_turning = _NOMINAL_YAW_RAD_S / MAX_BEARING_RAD
+    return torch.stack((_FORWARD_WEIGHT * forward / MAX_DISTANCE_M, yaw / MAX_BEARING_RAD), -1) / of_turning
 
 
 def _acts(policy: ContextPolicy, inputs: Tensor) -> Tensor:
