@@ -20,7 +20,11 @@ _KEYS = (
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """Add the options; what is left out keeps the default of `TrainSettings`."""
     parser.add_argument(
-        "--recipe", metavar="NAME|FILE", default="deploy", help="the data's recipe (default: %(default)s)"
+        "--recipe",
+        metavar="NAME|FILE",
+        default="deploy",
+        help="the data's recipe, of which visits are drawn; several, joined by +, are drawn from in turn "
+        "(default: %(default)s)",
     )
     parser.add_argument(
         "--method",

@@ -91,6 +91,11 @@ def test_the_anchor_asks_by_what_an_axis_moves_of_the_reward(data):
     assert yaw == pytest.approx(1)
     # At 120 deg/s a step is worth 12 of 45 degrees, at 1.5 m/s 0.15 of 7.5 m.
     assert forward == pytest.approx(td3._FORWARD_WEIGHT * (0.15 / 7.5) / (12 / 45))
+    states[..., COLUMNS.index("lag_s")] = 0.75 * td3._LATE_S
+    states[..., COLUMNS.index("delay_s")] = 0.25 * td3._LATE_S
+    assert td3._reach(states).flatten().tolist() == pytest.approx([2 * forward, 2])
+    states[..., COLUMNS.index("visible")] = 0
+    assert td3._reach(states).flatten().tolist() == [1, 1]
 
 
 def test_where_nothing_follows_within_the_horizon_a_reward_teaches_nothing(data):

@@ -158,6 +158,29 @@ class Recipe:
         return replace(spec, change=Change.drawn(rng, self.episode_steps))
 
 
+@dataclass(frozen=True, slots=True)
+class Mixture:
+    """Recipes of which each episode is drawn from one, each as likely; by the first's rules."""
+
+    name: str
+    recipes: tuple[Recipe, ...]
+
+    @property
+    def episode_steps(self) -> int:
+        """Return the episodes' length."""
+        return self.recipes[0].episode_steps
+
+    @property
+    def expert(self) -> ExpertGains:
+        """Return the expert's gains."""
+        return self.recipes[0].expert
+
+    def draw(self, seed: int) -> EpisodeSpec:
+        """Return the episode that this seed stands for."""
+        index = int(np.random.default_rng([seed, 0x313]).integers(len(self.recipes)))
+        return self.recipes[index].draw(seed)
+
+
 def recipe_names() -> list[str]:
     """Return the names of the shipped recipes, sorted."""
     folder = files("adatracker_deploy.learning") / "recipes"
@@ -180,6 +203,20 @@ def load_recipe(name_or_path: str) -> Recipe:
         names = ", ".join(recipe_names())
         raise UsageError(f"unknown recipe {name_or_path!r}: known are {names}; or give a path to a YAML file")
     return parse_recipe(read_yaml(path), where=str(path), name=path.stem)
+
+
+def load_mixture(names: str) -> Recipe | Mixture:
+    """Read a recipe as `load_recipe`, or several, shipped ones or not, joined by ``+``.
+
+    Raises:
+        UsageError: as `load_recipe`; or their episodes' lengths or their experts differ.
+    """
+    if "+" not in names:
+        return load_recipe(names)
+    recipes = tuple(load_recipe(name) for name in names.split("+"))
+    if len({(each.episode_steps, each.expert) for each in recipes}) > 1:
+        raise UsageError(f"recipe {names!r}: the lengths of their episodes or their experts differ")
+    return Mixture(names, recipes)
 
 
 def parse_recipe(value: Any, *, where: str, name: str) -> Recipe:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from adatracker_deploy.learning.data.recipe import Recipe
+    from adatracker_deploy.learning.data.recipe import Mixture, Recipe
 
 _MEAN_STRETCH = 15
 """Steps, on average, until it is drawn anew who drives."""
@@ -61,7 +61,7 @@ class BatchPolicy(Protocol):
 
 
 def collect_visited(
-    recipe: Recipe,
+    recipe: Recipe | Mixture,
     policy: BatchPolicy,
     *,
     steps: int,
@@ -109,7 +109,7 @@ def collect_visited(
 
 
 def visit(
-    recipe: Recipe,
+    recipe: Recipe | Mixture,
     policy: BatchPolicy,
     *,
     steps: int,
@@ -141,7 +141,7 @@ def visit(
 class _Slot:
     """One of the places where an episode is under way; its episodes follow each other."""
 
-    def __init__(self, recipe: Recipe, company: Company, seed: int, index: int) -> None:
+    def __init__(self, recipe: Recipe | Mixture, company: Company, seed: int, index: int) -> None:
         self._recipe = recipe
         self._company = company
         self._place = (seed, _VISITED_SHARD + index)

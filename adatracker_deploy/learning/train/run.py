@@ -26,7 +26,7 @@ from adatracker_deploy.core.errors import UsageError, line_of
 from adatracker_deploy.learning.bundle_weights import networks_of
 from adatracker_deploy.learning.checkpoint import ADATRACKER_MASK
 from adatracker_deploy.learning.data.dataset import Dataset
-from adatracker_deploy.learning.data.recipe import load_recipe
+from adatracker_deploy.learning.data.recipe import load_mixture
 from adatracker_deploy.learning.episode_spec import RATE_HZ
 from adatracker_deploy.learning.tracking import ACTION
 from adatracker_deploy.learning.train.agent import Agent, Sequences, inputs_of, statistics_of
@@ -100,7 +100,7 @@ def train(
     if not resume and (out / SNAPSHOT_NAME).exists():
         raise UsageError(f"{out}: holds a run; go on with it by --resume, or name another folder")
     snapshot = read_snapshot(out) if resume else None
-    load_recipe(settings.recipe)
+    load_mixture(settings.recipe)
     base = Dataset.open(data)
     settings = replace(settings, logs=base.logged)
     lacking = {"dagger": "asks an expert, whom", "td3": "learns from the true state, which"}
@@ -272,7 +272,7 @@ class _Run:
         say(f"round {number}: visiting {settings.round_steps} steps")
         visit_round(
             self._learner.agent,
-            load_recipe(settings.recipe),
+            load_mixture(settings.recipe),
             steps=settings.round_steps,
             folder=folders[-1],
             seed=[settings.seed, number],

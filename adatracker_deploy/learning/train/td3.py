@@ -57,6 +57,8 @@ little worse than the policy does, and a square gives way to that everywhere (`d
 _NEAR = 0.02
 """Distances below are rounded off, so that the gradient has no jump."""
 _NOMINAL_YAW_RAD_S = math.radians(120.0)
+_LATE_S = 0.4
+"""Lag and delay of a body that is held twice as much as one that obeys at once."""
 _FORWARD_WEIGHT = 2.0
 """Of the distance along the forward axis, beside what it moves of the reward."""
 _LEAST_STD = 0.05
@@ -201,13 +203,20 @@ class _Known:
 
 
 def _reach(states: Tensor) -> Tensor:
-    """Return what a difference of 1 along each axis of an action moves of the next reward (B, L, 2).
+    """Return what the anchor asks of a difference of 1 along each axis of an action (B, L, 2).
 
-    It is in units of what that is for turning at `_NOMINAL_YAW_RAD_S`.
+    It is what that moves of the next reward, in units of turning at `_NOMINAL_YAW_RAD_S`: an axis that moves
+    little of it gains little, too. Bodies that obey late are held more, for what the critics promise lies
+    further ahead; and where the target is not visible it is 1, for there the critics know what the policy
+    cannot. Without these two, targets are lost in `hard` that were kept (`docs/learning.md`).
     """
-    forward, yaw = (states[..., COLUMNS.index(name)].exp() for name in ("log_forward", "log_yaw"))
+    at = dict(zip(COLUMNS, states.unbind(-1), strict=False))
+    forward, yaw = at["log_forward"].exp(), at["log_yaw"].exp()
     of_turning = _NOMINAL_YAW_RAD_S / MAX_BEARING_RAD
-    return torch.stack((_FORWARD_WEIGHT * forward / MAX_DISTANCE_M, yaw / MAX_BEARING_RAD), -1) / of_turning
+    reach = torch.stack((_FORWARD_WEIGHT * forward / MAX_DISTANCE_M, yaw / MAX_BEARING_RAD), -1) / of_turning
+    late = ((at["lag_s"] + at["delay_s"]) / _LATE_S) ** 2
+    reach = reach * (1.0 + late[..., None])
+    return torch.where(at["visible"][..., None] > 0, reach, torch.ones_like(reach))
 
 
 def _acts(policy: ContextPolicy, inputs: Tensor) -> Tensor:

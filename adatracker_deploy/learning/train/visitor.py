@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from adatracker_deploy.core.messages import MaskClass
-from adatracker_deploy.learning.data.recipe import Recipe
+from adatracker_deploy.learning.data.recipe import Mixture, Recipe
 from adatracker_deploy.learning.data.visit import DAGGER, Company, collect_visited
 from adatracker_deploy.learning.data.workers import in_processes
 from adatracker_deploy.learning.episode_spec import RATE_HZ
@@ -101,7 +101,7 @@ _AT_ONCE = 16
 
 def visit_round(
     agent: Agent,
-    recipe: Recipe,
+    recipe: Recipe | Mixture,
     *,
     steps: int,
     folder: Path,
@@ -136,7 +136,7 @@ def visit_round(
 
 
 def _visit_part(  # noqa: PLR0917 - a job's arguments go by place
-    agent: Agent, recipe: Recipe, company: Company, steps: int, seed: list[int], part: Path
+    agent: Agent, recipe: Recipe | Mixture, company: Company, steps: int, seed: list[int], part: Path
 ) -> None:
     """Make one part; the folder appears under its name when it is complete."""
     unfinished = part.with_name(f".{part.name}")

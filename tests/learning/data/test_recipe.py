@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from adatracker_deploy.core.errors import UsageError
-from adatracker_deploy.learning.data.recipe import load_recipe, recipe_names
+from adatracker_deploy.learning.data.recipe import load_mixture, load_recipe, recipe_names
 from adatracker_deploy.learning.episode_spec import RATE_HZ
 from adatracker_deploy.learning.expert import DEFAULT_GAINS
 from adatracker_deploy.sim.bodies import lag_share
@@ -101,6 +101,25 @@ def test_a_missing_or_broken_file_is_one_clear_line(tmp_path):
     broken.write_text("steps: [")
     with pytest.raises(UsageError, match="not valid YAML"):
         load_recipe(str(broken))
+
+
+def test_a_mixture_draws_each_episode_from_one_of_its_recipes_each_as_likely():
+    mixed = load_mixture("calm+ground+calm")
+    calm, ground = load_recipe("calm"), load_recipe("ground")
+    assert (mixed.episode_steps, mixed.expert) == (ground.episode_steps, ground.expert)
+    drawn = [mixed.draw(seed) for seed in range(300)]
+    from_calm = [spec == calm.draw(seed) for seed, spec in enumerate(drawn)]
+    assert all(spec == ground.draw(seed) for seed, spec in enumerate(drawn) if not from_calm[seed])
+    assert sum(from_calm) / 300 == pytest.approx(2 / 3, abs=0.08)
+    assert load_mixture("calm") == calm
+
+
+@pytest.mark.parametrize(
+    ("names", "reason"), [("calm+soup", "unknown recipe 'soup'"), ("calm+offline", "their experts differ")]
+)
+def test_a_mixture_that_makes_no_sense_is_one_clear_line(names, reason):
+    with pytest.raises(UsageError, match=reason):
+        load_mixture(names)
 
 
 def test_the_offline_recipes_expert_can_be_cloned_without_knowing_the_lag():
