@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from adatracker_deploy.core.errors import UsageError
-from adatracker_deploy.sim.render.motion import FPS, Passage, Skin, cycles
+from adatracker_deploy.sim.render.motion import FPS, Flesh, Passage, Skin, cycles
 from adatracker_deploy.sim.render.nodes import white
 
 if TYPE_CHECKING:
@@ -179,9 +179,9 @@ class Figure:
         model.reparent_to(self.root)
         model.set_h(90.0)  # glTF's ahead is Panda's -y
         _mended(model)
-        low, high = model.get_tight_bounds(self.root)
-        self.height_m = float(high.z - low.z)
-        motions = cycles(model, self.root, _MOMENTS)
+        flesh = Flesh(model, self.root)
+        self.height_m = float(np.ptp(flesh.vertices()[:, 2]))
+        motions = cycles(model, flesh, _MOMENTS)
         self._walk, self._stand = motions[WALK], motions.get(STAND)
         self._sit = Passage(motions[SIT].moments) if SIT in motions else None
         reach_m = max(float(np.abs(motion.moments[..., :3]).max()) for motion in motions.values())
@@ -232,7 +232,7 @@ class Figure:
 
 
 def _mended(model: Any) -> None:
-    """Let weights add up to one, glTF's linear colours show as sRGB, and nothing be transparent."""
+    """Let glTF's linear colours show as sRGB, and nothing be transparent."""
     from panda3d import core as p3d
 
     for texture in model.find_all_textures():
@@ -245,11 +245,6 @@ def _mended(model: Any) -> None:
         for index, geom in enumerate(geoms.modify_geoms()):
             data = geom.modify_vertex_data()
             geoms.set_geom_state(index, _opaque(geoms.get_geom_state(index), data.has_column("color")))
-            blends = data.modify_transform_blend_table()
-            for at in range(blends.get_num_blends() if blends else 0):
-                blend = p3d.TransformBlend(blends.get_blend(at))
-                blend.normalize_weights()  # the loader reads a weight of 255 as 255
-                blends.set_blend(at, blend)
             if not data.has_column("color"):
                 continue
             rewriter = p3d.GeomVertexRewriter(data, "color")
