@@ -23,8 +23,8 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
         "--recipe",
         metavar="NAME|FILE",
         default="deploy",
-        help="the data's recipe, of which visits are drawn; several, joined by +, are drawn from in turn "
-        "(default: %(default)s)",
+        help="the data's recipe, of which visits are drawn; or names of shipped ones, joined by +, one a "
+        "visited episode (default: %(default)s)",
     )
     parser.add_argument(
         "--method",

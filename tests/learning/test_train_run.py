@@ -22,6 +22,7 @@ from adatracker_deploy.learning.rollout import rollout
 from adatracker_deploy.learning.train import visitor
 from adatracker_deploy.learning.train.run import train
 from adatracker_deploy.learning.train.settings import TrainSettings
+from adatracker_deploy.learning.train.snapshot import read_snapshot, write_snapshot
 from adatracker_deploy.policy.catalogue import find_bundle
 from tests.tiers import EXHAUSTIVE
 
@@ -241,6 +242,19 @@ def test_a_run_does_not_go_on_with_other_settings(data, tmp_path_factory, change
 def test_a_run_does_not_go_on_with_other_data(method, data, whole):
     with pytest.raises(UsageError, match="began with 400 steps of data, not 800"):
         trained(method, [*data, *data], whole, resume=True)
+
+
+def test_a_run_whose_networks_were_others_does_not_go_on(method, data, whole, tmp_path):
+    old = read_snapshot(whole)
+    part = "critics" if "critics" in old.learner else "agent"
+    name, *_ = (name for name, value in old.learner[part].items() if value.ndim == 2)
+    old.learner[part][name] = old.learner[part][name][:, 1:]
+    write_snapshot(tmp_path, old)
+    with pytest.raises(
+        UsageError, match=f"begun by another version, whose {method.method} had other"
+    ) as refused:
+        trained(method, data, tmp_path, resume=True)
+    assert "\n" not in str(refused.value)
 
 
 def test_a_run_is_not_overwritten_and_nothing_is_not_resumed(method, data, whole, tmp_path):

@@ -195,7 +195,7 @@ def load_recipe(name_or_path: str) -> Recipe:
     Raises:
         UsageError: no such recipe, not YAML, or a wrong key, type or range.
     """
-    if "/" in name_or_path or name_or_path.endswith(".yaml"):
+    if _is_path(name_or_path):
         path = Path(name_or_path)
     elif name_or_path in recipe_names():
         path = Path(str(files("adatracker_deploy.learning") / "recipes" / f"{name_or_path}.yaml"))
@@ -205,13 +205,17 @@ def load_recipe(name_or_path: str) -> Recipe:
     return parse_recipe(read_yaml(path), where=str(path), name=path.stem)
 
 
+def _is_path(name_or_path: str) -> bool:
+    return "/" in name_or_path or name_or_path.endswith(".yaml")
+
+
 def load_mixture(names: str) -> Recipe | Mixture:
-    """Read a recipe as `load_recipe`, or several, shipped ones or not, joined by ``+``.
+    """Read a recipe as `load_recipe`, or several shipped ones, whose names are joined by ``+``.
 
     Raises:
         UsageError: as `load_recipe`; or their episodes' lengths or their experts differ.
     """
-    if "+" not in names:
+    if "+" not in names or _is_path(names):
         return load_recipe(names)
     recipes = tuple(load_recipe(name) for name in names.split("+"))
     if len({(each.episode_steps, each.expert) for each in recipes}) > 1:

@@ -37,6 +37,26 @@ _SAMPLES = 10
 _SPREAD_STATES = 4000
 _GRID = (-0.9, 0.0, 0.9)
 _TARGET = "target_ahead_m_s"
+LIMITS = ("log_forward", "log_backward", "log_yaw")
+"""Columns of a state: the logarithms of a body's limits, m/s and rad/s."""
+
+
+def commanded(
+    actions: Tensor, log_forward: Tensor, log_backward: Tensor, log_yaw: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Return the speed ahead (...), m/s, and the turn (...), rad/s, that actions (..., 2) ask of bodies.
+
+    As a body is driven (`policy.base.to_twist`, `sim.bodies`): an action backward is a share of the limit
+    forward, too, and is clipped to the limit backward.
+
+    Args:
+        actions: in [-1, 1], ahead and to the left.
+        log_forward: as `LIMITS` names them, (...).
+        log_backward: likewise.
+        log_yaw: likewise.
+    """
+    forward, yaw = actions[..., 0], actions[..., 1]
+    return (forward * log_forward.exp()).maximum(-log_backward.exp()), yaw * log_yaw.exp()
 
 
 class TwinCritics(nn.Module):
@@ -87,10 +107,7 @@ class TwinCritics(nn.Module):
 
     def _moved(self, states: Tensor, actions: Tensor) -> Tensor:
         """Return what actions mean in this body, halved: speed, turn and, if known, speed to the target."""
-        forward, yaw = actions[..., 0], actions[..., 1]
-        limits = ("log_forward", "log_backward", "log_yaw")
-        ahead, backward, around = (self._of(states, column).exp() for column in limits)
-        speed, turn = (forward * ahead).maximum(-backward), yaw * around
+        speed, turn = commanded(actions, *(self._of(states, column) for column in LIMITS))
         told = (speed, turn, speed - self._of(states, _TARGET)) if _TARGET in self._columns else (speed, turn)
         return torch.stack(told, dim=-1) / 2
 

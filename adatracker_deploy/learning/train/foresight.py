@@ -1,11 +1,14 @@
 """Where an action leads: by the body's own dynamics, and by the way that the target then went.
 
 The reward has its ridge at bearing zero and 2.5 m, and an action moves a body towards it by little in a step,
-less still where it obeys late. A network of the state and the action smooths that away. But a simulated body
-obeys exactly, and a log says how the target went on, so where an action leads can be computed, obstacles
-aside, and a critic be told. That a critic knows what is to come does not teach the policy to: it
-cannot see it, and over all that may come, the gradient is that of the mean (Mao et al., "Variance Reduction
-for Reinforcement Learning in Input-Driven Environments", ICLR 2019).
+less still where it obeys late. A network of the state and the action smooths that away. But how a kinematic
+body obeys is known, and a log says how the target went on. So where an action leads can be computed, and a
+critic be told: exactly, but for obstacles and for a body that changes within these steps. A drone, which
+flies by its own dynamics, is taken for a kinematic body of its nominal lag and delay.
+
+That a critic knows what is to come does not teach the policy to: it cannot see it, and over all that may
+come, the gradient is that of the mean (Mao et al., "Variance Reduction for Reinforcement Learning in
+Input-Driven Environments", ICLR 2019).
 """
 
 from __future__ import annotations
@@ -19,6 +22,7 @@ from torch.nn import functional
 from adatracker_deploy.core.task import DESIRED_DISTANCE_M
 from adatracker_deploy.learning.data.state import COLUMNS
 from adatracker_deploy.learning.episode_spec import RATE_HZ
+from adatracker_deploy.learning.train.critics import LIMITS, commanded
 
 _DT_S = 1.0 / RATE_HZ
 _MOST_DELAY = 6
@@ -86,7 +90,7 @@ class Foresight:
         lag_s = at["lag_s"].clamp(min=_LEAST_LAG_S)
         self._share = 1.0 - torch.exp(-_DT_S / lag_s)
         self._delay = (at["delay_s"] / _DT_S).round().long().clamp(0, _MOST_DELAY)
-        self._limits = [at[name].exp() for name in ("log_forward", "log_backward", "log_yaw")]
+        self._limits = [at[name] for name in LIMITS]
         origin = torch.zeros_like(lag_s)
         self._body = _Body(origin, origin, origin, at["forward_m_s"], at["yaw_rate_rad_s"])
         past = functional.pad(actions, (0, 0, _MOST_DELAY, 0))[:, -(length + _MOST_DELAY) : -1]
@@ -106,10 +110,8 @@ class Foresight:
             waits = self._delay - step  # of the actions before it
             index = (_MOST_DELAY - waits).clamp(max=_MOST_DELAY - 1)[..., None, None]
             before = self._pending.gather(2, index.expand(*index.shape[:3], actions.shape[-1])).squeeze(2)
-            forward, yaw = torch.where(waits[..., None] > 0, before, actions)[..., :2].unbind(-1)
-            ahead, backward, around = self._limits
-            speed = (forward * ahead).maximum(-backward)
-            body = body.driven(speed, yaw * around, self._share)
+            obeyed = torch.where(waits[..., None] > 0, before, actions)
+            body = body.driven(*commanded(obeyed, *self._limits), self._share)
             places.append(body.sees(*target))
         every = torch.stack(places, dim=2)
         after = self._delay[..., None] + torch.tensor(_HELD, device=every.device) - 1

@@ -115,7 +115,7 @@ def train(
         check_same_run(snapshot, settings, len(base), out)
     learner = _learner(settings, device)
     if snapshot is not None:
-        learner.load_state_dict(snapshot.learner)
+        _go_on(learner, snapshot, out)
     elif settings.init is not None:
         _begin_with(learner.agent, settings.init)
     try:
@@ -146,6 +146,21 @@ def _learner(settings: TrainSettings, device: str) -> Learner:
         "cql_sac": CqlSac,
     }
     return learners[settings.method](agent, settings)
+
+
+def _go_on(learner: Learner, snapshot: Snapshot, out: Path) -> None:
+    """Take up a run.
+
+    Raises:
+        UsageError: its networks are not those of today.
+    """
+    try:
+        learner.load_state_dict(snapshot.learner)
+    except (KeyError, RuntimeError, ValueError) as error:  # as torch tells of other names, shapes and counts
+        raise UsageError(
+            f"{out}: its run was begun by another version, whose {snapshot.settings.method} had other "
+            "networks; begin anew in another folder"
+        ) from error
 
 
 def _check_improves(settings: TrainSettings) -> None:

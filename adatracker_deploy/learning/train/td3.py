@@ -1,9 +1,10 @@
 """TD3 through a policy's memory: a policy improved by its own visits and their rewards, without labels.
 
 A clone does what its teacher would do in a situation that the teacher knows better than the masks tell. Here
-nobody is imitated. Twin critics know the true state and what the policy is told, and learn what its actions
-are worth where it really gets to; the policy, which sees masks, follows their gradient through its memory. So
-it learns what is best on average over all that its masks leave open.
+nobody is imitated. Twin critics know the true state, what the policy is told and where an action leads
+(`foresight`), and learn what its actions are worth where it really gets to; the policy, which sees masks,
+follows their gradient through its memory. So it learns what is best on average over all that its masks leave
+open.
 
 Fujimoto, van Hoof and Meger, "Addressing Function Approximation Error in Actor-Critic Methods" (ICML 2018);
 Heess et al., "Memory-based control with recurrent neural networks" (2015); critics that know more than the
@@ -52,8 +53,9 @@ _ANCHOR = 0.5
 """Weight of the distance from the actions of the policy that it began with, in units of the critics' spread,
 in a body that turns at `_NOMINAL_YAW_RAD_S` (`_reach`).
 A distance and not its square: an action stays where it was unless the critics promise more than this for
-moving it. They are smooth where the reward has its ridge (bearing zero, 2.5 m), so they know a good action a
-little worse than the policy does, and a square gives way to that everywhere (`docs/learning.md`)."""
+moving it. They are smooth where the reward has its ridge (bearing zero, 2.5 m), with the foresight a little
+less, so they know a good action worse than the policy does, and a square gives way to that everywhere
+(`docs/learning.md`)."""
 _NEAR = 0.02
 """Distances below are rounded off, so that the gradient has no jump."""
 _NOMINAL_YAW_RAD_S = math.radians(120.0)
@@ -69,7 +71,7 @@ class Td3(Learner):
     """Implements `Learner`.
 
     Attributes:
-        critics: of the true state and of what the policy is told.
+        critics: of the true state, of what the policy is told and of where an action leads.
     """
 
     visits = Company(levels=(0.0, 0.0, 0.1, 0.1, 0.25, 0.5))

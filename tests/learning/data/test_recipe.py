@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib.resources import files
 
 import numpy as np
 import pytest
@@ -112,6 +113,12 @@ def test_a_mixture_draws_each_episode_from_one_of_its_recipes_each_as_likely():
     assert all(spec == ground.draw(seed) for seed, spec in enumerate(drawn) if not from_calm[seed])
     assert sum(from_calm) / 300 == pytest.approx(2 / 3, abs=0.08)
     assert load_mixture("calm") == calm
+
+
+def test_a_file_may_have_a_plus_in_its_path(tmp_path):
+    path = tmp_path / "wet+dry.yaml"
+    path.write_text((files("adatracker_deploy.learning") / "recipes" / "calm.yaml").read_text())
+    assert load_mixture(str(path)) == replace(load_recipe("calm"), name="wet+dry")
 
 
 @pytest.mark.parametrize(
