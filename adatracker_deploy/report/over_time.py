@@ -75,9 +75,13 @@ def _timeline(report: Report, cols: Columns, span: Span) -> Html:
         Band("kept inside the limits", "s-fair", cols.stretches(cols.limited & ~cols.stopped)),
         Band("command withheld", "s-bad", span.stopped, rare=True),
     ]
-    by_hand = cols.stretches(np.array([step.driver == BY_HAND for step in steps]))
-    by_policy = cols.stretches(np.array([step.driver != BY_HAND for step in steps]))
-    drivers = [Band("policy", "s-a", by_policy, rare=True), Band("hand", "s-b", by_hand)]
+    by_hand = np.array([step.driver == BY_HAND for step in steps])
+    searching = np.array([step.searching for step in steps])
+    drivers = [
+        Band("policy", "s-a", cols.stretches(~by_hand & ~searching), rare=True),
+        Band("policy, searching", "s-fair", cols.stretches(searching)),
+        Band("hand", "s-b", cols.stretches(by_hand)),
+    ]
     notes = [
         Band(level, look, _at(report.events, level, span.length_s), rare=True)
         for level, look in _LEVEL_LOOKS.items()
@@ -93,7 +97,7 @@ def _timeline(report: Report, cols: Columns, span: Span) -> Html:
                 for name in sorted(target, key=lambda name: name not in _USUAL)
             ],
         ),
-        lane("driver", span, drivers) if by_hand else None,
+        lane("driver", span, drivers) if (by_hand | searching).any() else None,
         lane("gate", span, gate),
         lane(
             "robot's mode",

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from adatracker_deploy.cli import main
+from adatracker_deploy.core.record import BY_HAND, BY_POLICY
 from adatracker_deploy.report.gather import gather, key_steps, moments
 from adatracker_deploy.report.set_page import set_page
 from adatracker_deploy.report.trial_page import trial_page
@@ -244,3 +245,13 @@ def test_a_page_shows_stale_stretches_as_what_they_are(tmp_path):
     assert "The target was never lost." in text
     assert "target lost" not in text
     assert "10%of the ticks: frames too old to act on" in text
+
+
+def test_a_page_shows_who_drove_where_that_was_not_the_policy_as_ever(tmp_path):
+    def shown(name, **changes):
+        steps = [a_step(n, **(changes if 20 <= n < 26 else {})) for n in range(60)]
+        return Page(page_of(write_trial(tmp_path / name, steps))).text
+
+    assert "driver" not in shown("policy", driver=BY_POLICY)
+    assert "driverpolicyhand" in shown("hand", driver=BY_HAND)
+    assert "driverpolicypolicy, searching" in shown("search", driver=BY_POLICY, searching=True, box=None)
