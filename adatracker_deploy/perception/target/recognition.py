@@ -232,7 +232,9 @@ def is_elsewhere(
     """Return whether another detection is the target rather than the one at its predicted box, `place`.
 
     After dropped frames or a knock on the camera, the target may reappear as a new track; then reject the
-    detection at its predicted box, however similar.
+    detection at its predicted box, however similar. While the target has just stood free, so that no tracks can
+    have been swapped, who looks more like who they were than like the target is themselves: a target that turns
+    round beside somebody keeps its place.
     """
     alike = float(here.alike[place])
     likeliest = _likeliest_other(target, here, place, others, theirs)
@@ -247,10 +249,20 @@ def _likeliest_other(
     Occluded people use their smoothed similarity; people who cannot be the target do not count.
     """
     elsewhere = [row for row in np.flatnonzero(here.free).tolist() if row != place]
-    now = [(float(here.alike[row]), others[theirs[row]] if row in theirs else None) for row in elsewhere]
-    of_late = [(other.alike, other) for other in others if other.alike is not None]
+    tracked = {row: others[theirs[row]].person for row in elsewhere if row in theirs}
+    themselves = {
+        theirs[row]
+        for row, person in tracked.items()
+        if target.free_s <= BRIDGED_S and person.alike(here.looks[row][None])[0] > here.alike[row]
+    }
+    now = [(float(here.alike[row]), theirs.get(row)) for row in elsewhere]
+    of_late = [(other.alike, index) for index, other in enumerate(others) if other.alike is not None]
     return max(
-        (alike for alike, other in (*now, *of_late) if other is None or other.may_be(alike, target)),
+        (
+            alike
+            for alike, index in (*now, *of_late)
+            if index is None or (index not in themselves and others[index].may_be(alike, target))
+        ),
         default=0.0,
     )
 

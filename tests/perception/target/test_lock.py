@@ -265,6 +265,16 @@ def test_a_target_that_stood_beside_whom_the_lock_had_taken_for_it_is_taken_back
     assert said[-1] == (TRACKED, 0)
 
 
+def test_a_target_that_turns_round_beside_somebody_like_it_keeps_its_place():
+    """They look a little more like it now than it does itself, but they look much more like themselves."""
+    here, beside = np.array([(100, 20, 140, 120)], np.float32), np.array([(200, 20, 240, 120)], np.float32)
+    both, own = np.vstack((here, beside)), looking([0])
+    another_view = np.sqrt((np.square(own) + np.square(looking([3]))) / 2)
+    facing, turned = np.concatenate((own, _mixture(0.5))), np.concatenate((another_view, _mixture(0.35)))
+    said = _said((both, facing), [*[(both, facing)] * 40, *[(both, turned)] * 20])
+    assert said == [(TRACKED, 0)] * 60
+
+
 def _parting(before, pictures):
     """Return what is found of two of whom the right one looks as was chosen and the left one in part: first
     only the left one, then both, who step apart."""
