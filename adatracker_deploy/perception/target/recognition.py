@@ -232,9 +232,9 @@ def is_elsewhere(
     """Return whether another detection is the target rather than the one at its predicted box, `place`.
 
     After dropped frames or a knock on the camera, the target may reappear as a new track; then reject the
-    detection at its predicted box, however similar. While the target has just stood free, so that no tracks can
-    have been swapped, who looks more like who they were than like the target is themselves: a target that turns
-    round beside somebody keeps its place.
+    detection at its predicted box, however similar. While the target has just stood free, so that no tracks
+    can have been swapped, who looks more like who they were than like the target is themselves: a target that
+    turns round beside somebody keeps its place.
     """
     alike = float(here.alike[place])
     likeliest = _likeliest_other(target, here, place, others, theirs)

@@ -265,14 +265,21 @@ def test_a_target_that_stood_beside_whom_the_lock_had_taken_for_it_is_taken_back
     assert said[-1] == (TRACKED, 0)
 
 
-def test_a_target_that_turns_round_beside_somebody_like_it_keeps_its_place():
-    """They look a little more like it now than it does itself, but they look much more like themselves."""
-    here, beside = np.array([(100, 20, 140, 120)], np.float32), np.array([(200, 20, 240, 120)], np.float32)
-    both, own = np.vstack((here, beside)), looking([0])
-    another_view = np.sqrt((np.square(own) + np.square(looking([3]))) / 2)
-    facing, turned = np.concatenate((own, _mixture(0.5))), np.concatenate((another_view, _mixture(0.35)))
-    said = _said((both, facing), [*[(both, facing)] * 40, *[(both, turned)] * 20])
-    assert said == [(TRACKED, 0)] * 60
+@pytest.mark.parametrize("touched", [False, True], ids=["standing free", "touched by somebody"])
+def test_a_target_that_turns_round_beside_somebody_like_it_keeps_its_place(touched):
+    """They look a little more like it now than it does itself, but much more like themselves.
+
+    Where somebody touches the target, tracks may be swapped, and its place is doubted.
+    """
+    places = [(100, 20, 140, 120), (200, 20, 240, 120), (125, 20, 165, 120)][: 2 + touched]
+    boxes, own, passer = np.array(places, np.float32), looking([0]), [looking([2])] * touched
+    another_view = np.sqrt(0.4 * np.square(own) + 0.6 * np.square(looking([3])))
+    facing = np.concatenate((own, _mixture(0.5), *passer))
+    turned = np.concatenate((another_view, _mixture(0.35), *passer))
+    said = _said((boxes, facing), [*[(boxes, facing)] * 40, *[(boxes, turned)] * 20])
+    assert said[:40] == [(TRACKED, 0)] * 40
+    assert said[40] == ((COASTING, None) if touched else (TRACKED, 0))
+    assert touched or said[41:] == [(TRACKED, 0)] * 19
 
 
 def _parting(before, pictures):
