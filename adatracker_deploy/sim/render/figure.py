@@ -40,6 +40,8 @@ _SLOWEST_M_S = 0.25
 """At this speed and below somebody stands rather than walks."""
 _STRIDES_M_S = 0.7
 """At this speed and above the walk is whole."""
+_LEAST_CYCLE_M = 0.1
+"""Two steps of anybody cover more."""
 
 
 def shipped_people() -> tuple[Path, ...]:
@@ -166,7 +168,7 @@ class Figure:
         """Load a person.
 
         Raises:
-            UsageError: see `check`; or its parts do not fit together.
+            UsageError: see `check`; or its parts do not fit together, or its walk moves nobody.
         """
         check(path)
         from panda3d import core as p3d
@@ -190,6 +192,10 @@ class Figure:
         model.remove_node()
         moments = [[self._mixed(float(phase), share, 0.0)[:, :3] for phase in _PHASES] for share in _SHARES]
         self.stride = stride_of(np.array(moments[-1]))
+        if self.stride.cycle_m < _LEAST_CYCLE_M:
+            raise UsageError(
+                f"person {path}: animation {WALK!r} does not move the feet: is the mesh skinned?"
+            )
         self._raised_m = np.array([[-float(points[:, 2].min()) for points in row] for row in moments])
         self.seat = None if self._sit is None else seat_of(self._sit.at(1.0)[:, :3])
         self.pose(0.0, 0.0, 0.0)

@@ -171,11 +171,11 @@ class _Hung:
         has_normals = data.has_column("normal")
         normals = column(data, "normal") if has_normals else np.tile((0.0, 0.0, 1.0), (len(points), 1))
         table = data.get_transform_blend_table()
-        if table is None:
+        blends = [_by_name(table.get_blend(at)) for at in range(table.get_num_blends())] if table else []
+        if not any(blends):
             return cls(points, normals, [], np.zeros((len(points), 1), np.intp), np.ones((len(points), 1)))
-        blends = [_by_name(table.get_blend(at)) for at in range(table.get_num_blends())]
         bones = list(dict.fromkeys(bone for blend in blends for bone, _ in blend))
-        hung_on = np.full((len(blends), max(1, *map(len, blends))), len(bones), np.intp)
+        hung_on = np.full((len(blends), max(map(len, blends))), len(bones), np.intp)
         weights = np.zeros(hung_on.shape)
         for row, blend in enumerate(blends):
             for at, (bone, weight) in enumerate(blend):
@@ -221,7 +221,9 @@ def _array(matrix: Any) -> NDArray[np.float64]:
 def _cofactors(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return what moves normals as matrices (..., 4, 4) move places, but for the length, (..., 3, 3)."""
     first, second, third = (matrices[..., at, :3] for at in range(3))
-    return np.stack([np.cross(second, third), np.cross(third, first), np.cross(first, second)], axis=-2)
+    found = np.stack([np.cross(second, third), np.cross(third, first), np.cross(first, second)], axis=-2)
+    x, y, z = (first[..., at] * found[..., 0, at] for at in range(3))
+    return found * np.where(x + y + z < 0.0, -1.0, 1.0)[..., None, None]  # a mirror leaves outside outside
 
 
 def _through(matrices: NDArray[np.float64], ways: NDArray[np.float64]) -> NDArray[np.float64]:

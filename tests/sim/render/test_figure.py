@@ -175,6 +175,17 @@ def test_a_person_whose_parts_do_not_fit_is_refused(tmp_path):
         Figure(written(tmp_path / "hollow.glb", document))
 
 
+def test_a_person_who_hangs_on_no_bone_is_refused(tmp_path):
+    """They would stand like a statue and slide."""
+    document, rest = document_of(PEOPLE[0])
+    for mesh in document["meshes"]:
+        for primitive in mesh["primitives"]:
+            del primitive["attributes"]["WEIGHTS_0"], primitive["attributes"]["JOINTS_0"]
+    with pytest.raises(UsageError, match="'walk' does not move the feet") as refused:
+        Figure(written(tmp_path / "statue.glb", document, rest))
+    assert len(str(refused.value).splitlines()) == 1
+
+
 def drawn(tmp_path, change=lambda document: None):
     """Return where the target is in a picture, and its colours there, with a changed file."""
     document, rest = document_of(PEOPLE[0])
