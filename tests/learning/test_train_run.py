@@ -257,6 +257,15 @@ def test_a_run_whose_networks_were_others_does_not_go_on(method, data, whole, tm
     assert "\n" not in str(refused.value)
 
 
+def test_a_device_without_memory_is_no_other_version(method, data, whole, monkeypatch):
+    def full(self, state):
+        raise torch.OutOfMemoryError("out of memory")
+
+    monkeypatch.setattr("torch.optim.Adam.load_state_dict", full)
+    with pytest.raises(torch.OutOfMemoryError):
+        trained(method, data, whole, resume=True)
+
+
 def test_a_run_is_not_overwritten_and_nothing_is_not_resumed(method, data, whole, tmp_path):
     with pytest.raises(UsageError, match="holds a run; go on with it by --resume"):
         trained(method, data, whole)

@@ -156,7 +156,9 @@ def _go_on(learner: Learner, snapshot: Snapshot, out: Path) -> None:
     """
     try:
         learner.load_state_dict(snapshot.learner)
-    except (KeyError, RuntimeError, ValueError) as error:  # as torch tells of other names, shapes and counts
+    except (KeyError, RuntimeError, ValueError) as error:  # as torch tells of other parts, shapes and counts
+        if isinstance(error, RuntimeError) and "loading state_dict" not in str(error):
+            raise  # a device without memory, say
         raise UsageError(
             f"{out}: its run was begun by another version, whose {snapshot.settings.method} had other "
             "networks; begin anew in another folder"

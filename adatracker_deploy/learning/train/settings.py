@@ -28,7 +28,7 @@ class TrainSettings:
     """One run; equal settings and data give equal weights, on the CPU to the bit."""
 
     recipe: str
-    """Name or path, or several joined by ``+``; what visited episodes are drawn from."""
+    """Name or path, or names joined by ``+``; what visited episodes are drawn from."""
     method: Method = "dagger"
     variants: tuple[Variant, ...] = ()
     """Parts left out: the identification task (reward, height and our dynamics head), that head alone, the
