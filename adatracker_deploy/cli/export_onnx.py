@@ -41,6 +41,15 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         help="have it turn to the side of the last sight once the target may have left its view; for those "
         "that were trained with --belief",
     )
+    parser.add_argument(
+        "--late",
+        type=Path,
+        nargs="+",
+        default=[],
+        metavar="CHECKPOINT",
+        help="what drives bodies that obey late, by delay and lag of more than 1.1 s together; of a run that "
+        "began with the other's, told the response",
+    )
     parser.add_argument("--force", action="store_true", help="replace the bundle in DIR")
     parser.set_defaults(run=run)
 
@@ -61,6 +70,7 @@ def run(args: argparse.Namespace) -> int:
         args.checkpoint[0],
         args.out,
         others=args.checkpoint[1:],
+        late=args.late,
         interface=args.interface,
         name=args.name,
         rate_hz=args.rate_hz,

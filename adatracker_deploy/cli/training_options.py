@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 _VARIANTS = ("identification", "dynamics", "consistency", "encoder", "lstm", "last-action", "search")
 _KEYS = (
     *("recipe", "method", "front", "belief", "response", "rate", "updates", "critic_updates", "conservative"),
-    *("rounds", "round_steps", "batch", "length"),
+    *("rounds", "round_steps", "batch", "length", "late"),
 )
 
 
@@ -54,6 +54,11 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
         "--response",
         action="store_true",
         help="tell the policy how late the body obeys and what it will still do, as identified on the way",
+    )
+    parser.add_argument(
+        "--late",
+        action="store_true",
+        help="make a driver for bodies that obey late, by td3 (export-onnx --late)",
     )
     parser.add_argument("--rate", metavar="R", type=float, help="learning rate (default: the method's)")
     parser.add_argument("--updates", metavar="N", type=int, help="updates in all")

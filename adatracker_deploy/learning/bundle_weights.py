@@ -50,7 +50,11 @@ def _rebuilt(bundle: Bundle) -> AdaTracker:
     policy = _Graph(bundle.policy)
     encoder = _Graph(bundle.encoder) if bundle.encoder else None
     told = {tensor.name for tensor in manifest.policy.inputs}
-    weights = policy.tensors("policy.") | policy.lstm("memory") | policy.actor()
+    late = policy.count("LSTM") == 2
+    memories, actors = ([f"{part}.usual", f"{part}.late"] if late else [part] for part in ("memory", "actor"))
+    weights = policy.tensors("policy.")
+    for index, (memory, actor) in enumerate(zip(memories, actors, strict=True)):
+        weights |= policy.lstm(memory, index) | policy.actor(actor)
     config = AdaTrackerConfig(
         channels=manifest.mask.channels,
         size=manifest.mask.size,
@@ -62,11 +66,12 @@ def _rebuilt(bundle: Bundle) -> AdaTracker:
         encoder_hidden=encoder.lstm("lstm")["lstm.weight_hh_l0"].shape[1]
         if encoder
         else AdaTrackerConfig().encoder_hidden,
-        hidden=weights["memory.weight_hh_l0"].shape[1],
-        actor=len(weights["actor.hidden.bias"]),
+        hidden=weights[f"{memories[0]}.weight_hh_l0"].shape[1],
+        actor=len(weights[f"{actors[0]}.hidden.bias"]),
         last_action="last_action" in told,
         belief="belief" in told,
         response=manifest.response,
+        late=late,
     )
     torch_policy = ContextPolicy(config)
     unused = {name: value for name, value in torch_policy.state_dict().items() if ".log_std." in name}
@@ -101,18 +106,22 @@ class _Graph:
         named = {name.removeprefix(prefix): value for name, value in self._values.items() if "." in name}
         return {name: torch.tensor(value) for name, value in named.items()}
 
-    def lstm(self, name: str) -> dict[str, Tensor]:
-        """Return the LSTM's: ONNX has the gates i, o, f, c, torch has i, f, c, o."""
-        node = next(node for node in self._nodes if node.op_type == "LSTM")
+    def count(self, kind: str) -> int:
+        """Return how many nodes of a kind there are."""
+        return sum(node.op_type == kind for node in self._nodes)
+
+    def lstm(self, name: str, index: int = 0) -> dict[str, Tensor]:
+        """Return an LSTM's: ONNX has the gates i, o, f, c, torch has i, f, c, o."""
+        node = [node for node in self._nodes if node.op_type == "LSTM"][index]
         inner, recurrent, biases = (self._values[entry][0] for entry in node.input[1:4])
         first, second = np.split(biases, 2)
         parts = {"weight_ih_l0": inner, "weight_hh_l0": recurrent, "bias_ih_l0": first, "bias_hh_l0": second}
         return {f"{name}.{key}": torch.tensor(_reordered(value)) for key, value in parts.items()}
 
-    def actor(self) -> dict[str, Tensor]:
-        """Return the weights of the actor's two layers: the exporter wrote them transposed."""
+    def actor(self, name: str) -> dict[str, Tensor]:
+        """Return the weights of an actor's two layers: the exporter wrote them transposed."""
         found = {}
-        for layer in ("actor.hidden", "actor.mean"):
+        for layer in (f"{name}.hidden", f"{name}.mean"):
             added = next(node for node in self._nodes if f"policy.{layer}.bias" in node.input)
             product = next(node for node in self._nodes if node.output[0] in added.input)
             found[f"{layer}.weight"] = torch.tensor(self._values[product.input[1]].T.copy())

@@ -165,6 +165,50 @@ def load_mean(paths: Sequence[Path]) -> Checkpoint:
     return dataclasses.replace(first, meta=meta)
 
 
+_DRIVER = ("memory", "actor")
+
+
+def with_late(usual: Checkpoint, late: Checkpoint, path: Path) -> AdaTracker:
+    """Return a policy that one policy's memory and actor drive, or another's where the body obeys late.
+
+    Args:
+        usual: the policy.
+        late: the other; what sees and what knows the body must be the first one's, as `td3` leaves them.
+        path: of the other, for errors.
+
+    Raises:
+        UsageError: they are not AdaTracker's, know no response, have two drivers already, or differ in more.
+    """
+    if not (isinstance(usual, AdaTracker) and isinstance(late, AdaTracker)):
+        raise UsageError(f"{path}: only AdaTracker's networks can have a driver for bodies that obey late")
+    if late.policy.config != usual.policy.config or usual.policy.config.late:
+        raise UsageError(f"{path}: its networks are not those of the usual driver")
+    policy = ContextPolicy(dataclasses.replace(usual.policy.config, late=True)).eval()
+    first, second = (_together(each.encoder, each.policy).state_dict() for each in (usual, late))
+    weights: dict[str, torch.Tensor] = {}
+    for name, value in first.items():
+        part, _, rest = name.removeprefix("policy.").partition(".")
+        if name.startswith("policy.") and part in _DRIVER:
+            weights |= {f"policy.{part}.usual.{rest}": value, f"policy.{part}.late.{rest}": second[name]}
+        elif torch.allclose(value, second[name], rtol=0.0, atol=1e-6):  # as after a mean of equals
+            weights[name] = value
+        else:
+            raise UsageError(f"{path}: its {name} is another's: begin its td3 with the usual driver's run")
+    _fill(_together(usual.encoder, policy), weights, path)
+    told = f"{usual.meta.training}\nBodies that obey late are driven by:\n{late.meta.training}"
+    return AdaTracker(usual.encoder, policy, dataclasses.replace(usual.meta, training=told))
+
+
+def usual_driver(policy: ContextPolicy) -> ContextPolicy:
+    """Return a policy without its driver for bodies that obey late; itself if it has none."""
+    if not policy.config.late:
+        return policy
+    alone = ContextPolicy(dataclasses.replace(policy.config, late=False))
+    kept = ((name.replace(".usual.", "."), value) for name, value in policy.state_dict().items())
+    alone.load_state_dict({name: value for name, value in kept if ".late." not in name})
+    return alone.eval()
+
+
 def _adatracker_of(path: Path) -> AdaTracker:
     found = load_checkpoint(path)
     if not isinstance(found, AdaTracker):

@@ -18,6 +18,7 @@ from adatracker_deploy.learning.checkpoint import (
     CheckpointMeta,
     OfflineEvt,
     load_mean,
+    with_late,
 )
 from adatracker_deploy.learning.graphs import (
     OPSET,
@@ -57,6 +58,7 @@ def export_checkpoint(
     out: Path,
     *,
     others: Sequence[Path] = (),
+    late: Sequence[Path] = (),
     interface: EncoderInterface | None = None,
     name: str | None = None,
     rate_hz: float | None = None,
@@ -70,6 +72,7 @@ def export_checkpoint(
         path: an AdaTracker or Offline-EVT checkpoint.
         out: the bundle's folder.
         others: further AdaTracker checkpoints; the bundle has the mean of all weights (`load_mean`).
+        late: checkpoints whose mean drives bodies that obey late (`with_late`).
         interface: how the encoder is called; streaming unless given, and not to be given without an encoder.
         name: instead of the checkpoint's.
         rate_hz: instead of the checkpoint's.
@@ -84,6 +87,8 @@ def export_checkpoint(
         UsageError: one line that says what is wrong; nothing has been written then.
     """
     checkpoint = load_mean([path, *others])
+    if late:
+        checkpoint = with_late(checkpoint, load_mean(late), late[0])
     if out.exists() and not out.is_dir():
         raise UsageError(f"{out}: is a file; name a folder for the bundle")
     if out.is_dir() and any(out.iterdir()) and not force:
@@ -135,7 +140,7 @@ def _adatracker(checkpoint: AdaTracker, meta: CheckpointMeta, interface: Encoder
         called,
         mask=meta.mask,
         actions=config.actions,
-        hidden=config.hidden,
+        hidden=config.state,
         context=config.context,
         history=config.history,
         features=config.features + config.actions,

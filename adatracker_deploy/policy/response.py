@@ -26,6 +26,8 @@ _LAGS_S = (0.0, 0.15, 0.3, 0.5, 0.8, 1.2)
 DELAY_S: Final[Array] = np.repeat(np.array(_DELAYS_S, np.float32), len(_LAGS_S))
 LAG_S: Final[Array] = np.tile(np.array(_LAGS_S, np.float32), len(_DELAYS_S))
 """Delay and lag of each nominal body (B,); they cover the condition `wide`."""
+LONGEST_DELAY_S: Final = _DELAYS_S[-1]
+"""A network is told delays in units of it."""
 _B = len(DELAY_S)
 
 COLUMNS = (
@@ -195,14 +197,14 @@ def told(state: Evidence, period_s: float) -> Array:
     since = (likely * state.swept).sum(-1)
     values = (
         state.steps[..., 0] / (_ENOUGH_STEPS + state.steps[..., 0]),
-        delay / _DELAYS_S[-1],
-        delay_spread / _DELAYS_S[-1],
+        delay / LONGEST_DELAY_S,
+        delay_spread / LONGEST_DELAY_S,
         lag,
         lag_spread,
         gain / (2.0 * NOMINAL_YAW_RAD_S),
         gain * swept,
         gain * turn / NOMINAL_YAW_RAD_S,
-        drive / _DELAYS_S[-1],
+        drive / LONGEST_DELAY_S,
         forward,
         (state.bearing[..., 0] - gain * (swept + since)) / _BEARING_UNIT_RAD,
         (likely * state.pace).sum(-1) / _PACE_UNIT_RAD_S,

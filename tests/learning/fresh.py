@@ -24,6 +24,7 @@ VARIANTS = {
     "no lstm": replace(CONFIG, lstm=False),
     "belief": replace(CONFIG, last_action=True, belief=True),
     "response": replace(CONFIG, last_action=True, belief=True, response=True),
+    "late": replace(CONFIG, last_action=True, belief=True, response=True, late=True),
     "no encoder, belief": replace(CONFIG, history=0, context=0, belief=True),
     "pooled": replace(CONFIG, last_action=True, front="pooled"),
 }

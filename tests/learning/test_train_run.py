@@ -14,7 +14,7 @@ from torch import nn
 
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.bundle_weights import networks_of
-from adatracker_deploy.learning.checkpoint import load_checkpoint, save_checkpoint
+from adatracker_deploy.learning.checkpoint import load_checkpoint, save_checkpoint, usual_driver
 from adatracker_deploy.learning.data.collect import collect
 from adatracker_deploy.learning.data.recipe import load_recipe
 from adatracker_deploy.learning.export import export_checkpoint
@@ -136,7 +136,7 @@ def test_a_run_begins_with_the_weights_of_the_shipped_bundle(data, tmp_path):
     settings = replace(TINY, init="adatracker", rate=1e-7, updates=1, rounds=0, belief=True, response=True)
     begun = load_checkpoint(trained(settings, data, tmp_path / "on"))
     shipped = networks_of(find_bundle("adatracker"))
-    for ours, theirs in ((begun.policy, shipped.policy), (begun.encoder, shipped.encoder)):
+    for ours, theirs in ((begun.policy, usual_driver(shipped.policy)), (begun.encoder, shipped.encoder)):
         weights = ours.state_dict()
         for name, weight in theirs.state_dict().items():
             if ".log_std." not in name:  # not in a bundle

@@ -67,8 +67,9 @@ def distances(learner, sequences):
         return (torch.tanh(learner.agent.policy.actor(x)[0]) - BEST).abs()[:, 5:].mean((0, 1))
 
 
-def test_a_policy_goes_where_the_reward_is_until_that_gains_less_than_the_anchor_asks(data):
-    settings = replace(SETTINGS, updates=800, critic_updates=400)
+@pytest.mark.parametrize(("late", "anchor"), [(False, td3._ANCHOR), (True, td3._ANCHOR_LATE)])
+def test_a_policy_goes_where_the_reward_is_until_that_gains_less_than_the_anchor_asks(data, late, anchor):
+    settings = replace(SETTINGS, updates=800, critic_updates=400, late=late)
     learner = a_learner(settings)
     assert learner.prepare(data, print)
     before = distances(learner, a_batch(data, 0))
@@ -77,7 +78,8 @@ def test_a_policy_goes_where_the_reward_is_until_that_gains_less_than_the_anchor
         assert ("apart" in told) is (number >= settings.critic_updates and number % 2 == 0)
     # At a distance d the reward rises by 2 d for each step nearer; here rewards are the values.
     spread = float(learner.critics.spread)
-    held = td3._ANCHOR * spread * td3._reach(a_batch(data, 0).states).mean((0, 1)) / (2 * (1 - td3._DISCOUNT))
+    reach = td3._reach(a_batch(data, 0).states, late=late).mean((0, 1))
+    held = anchor * spread * reach / (2 * (1 - td3._DISCOUNT))
     after = distances(learner, a_batch(data, 0))
     assert (held < 0.7 * before).all()
     assert after.tolist() == pytest.approx(held.tolist(), abs=0.08)
@@ -94,6 +96,7 @@ def test_the_anchor_asks_by_what_an_axis_moves_of_the_reward(data):
     states[..., COLUMNS.index("lag_s")] = 0.75 * td3._LATE_S
     states[..., COLUMNS.index("delay_s")] = 0.25 * td3._LATE_S
     assert td3._reach(states).flatten().tolist() == pytest.approx([2 * forward, 2])
+    assert td3._reach(states, late=True).flatten().tolist() == pytest.approx([forward, 1])
     states[..., COLUMNS.index("visible")] = 0
     assert td3._reach(states).flatten().tolist() == [1, 1]
 
@@ -148,6 +151,7 @@ def test_critics_standardise_by_the_first_data_but_what_hardly_varies_there(data
     [
         ({"init": None}, "name its run or bundle by --init"),
         ({"variants": ("no-search",)}, "--variant no-search: td3 leaves"),
+        ({"late": True, "method": "awr", "init": None}, "--late: --method td3 makes the driver"),
     ],
 )
 def test_what_it_makes_nothing_of_is_refused(folder, tmp_path, change, reason):

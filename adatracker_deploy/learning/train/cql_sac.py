@@ -31,7 +31,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from adatracker_deploy.learning.losses import mean_where
-from adatracker_deploy.learning.networks import Actor, Critic
+from adatracker_deploy.learning.networks import Critic
 from adatracker_deploy.learning.train.agent import Agent, Sequences
 from adatracker_deploy.learning.train.method import Learner, counted, representation_losses
 from adatracker_deploy.learning.train.settings import TrainSettings
@@ -178,7 +178,7 @@ class Transitions:
         )
 
 
-def sample_action(actor: Actor, x: Tensor) -> tuple[Tensor, Tensor]:
+def sample_action(actor: nn.Module, x: Tensor) -> tuple[Tensor, Tensor]:
     """Return an action (..., A) of the policy at x (..., H), and its log-probability (...,).
 
     The density of tanh(u) is that of u divided by 1 - tanh(u)^2, whose logarithm is written so that it stays
@@ -192,7 +192,7 @@ def sample_action(actor: Actor, x: Tensor) -> tuple[Tensor, Tensor]:
     return torch.tanh(raw), (gaussian - squashed).sum(-1)
 
 
-def _proposals(actor: Actor, steps: Transitions) -> tuple[Tensor, Tensor]:
+def _proposals(actor: nn.Module, steps: Transitions) -> tuple[Tensor, Tensor]:
     """Return actions (N, B, L - 1, A) to estimate the sum over actions with, and their log-densities."""
     count, size = (_SAMPLES, *steps.actions.shape[:-1]), steps.actions.shape[-1]
     anywhere = torch.rand(*count, size, device=steps.x.device) * 2.0 - 1.0

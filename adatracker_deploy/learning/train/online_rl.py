@@ -30,7 +30,7 @@ from adatracker_deploy.learning.checkpoint import ADATRACKER_MASK, CheckpointMet
 from adatracker_deploy.learning.conditions import HEIGHTS_M, TARGET_SPEEDS_M_S
 from adatracker_deploy.learning.environment import TrackingEnv
 from adatracker_deploy.learning.episode_spec import RATE_HZ
-from adatracker_deploy.learning.networks import AdaTrackerConfig, Backbone, ContextPolicy
+from adatracker_deploy.learning.networks import Actor, AdaTrackerConfig, Backbone, ContextPolicy
 from adatracker_deploy.learning.tracking import ACTION
 from adatracker_deploy.learning.train.agent import drawn
 
@@ -97,11 +97,13 @@ def as_policy(model: RecurrentPPO) -> ContextPolicy:
     policy = ContextPolicy(CONFIG)
     policy.backbone.load_state_dict(learnt.features_extractor.backbone.state_dict())
     policy.memory.load_state_dict(learnt.lstm_actor.state_dict())
-    policy.actor.hidden.load_state_dict(learnt.mlp_extractor.policy_net[0].state_dict())
-    policy.actor.mean.load_state_dict(learnt.action_net.state_dict())
+    actor = policy.actor
+    assert isinstance(actor, Actor)  # as CONFIG says
+    actor.hidden.load_state_dict(learnt.mlp_extractor.policy_net[0].state_dict())
+    actor.mean.load_state_dict(learnt.action_net.state_dict())
     with torch.no_grad():
-        policy.actor.log_std.weight.zero_()
-        policy.actor.log_std.bias.copy_(learnt.log_std)
+        actor.log_std.weight.zero_()
+        actor.log_std.bias.copy_(learnt.log_std)
     return policy
 
 

@@ -24,7 +24,7 @@ import torch
 
 from adatracker_deploy.core.errors import UsageError, line_of
 from adatracker_deploy.learning.bundle_weights import networks_of
-from adatracker_deploy.learning.checkpoint import ADATRACKER_MASK
+from adatracker_deploy.learning.checkpoint import ADATRACKER_MASK, usual_driver
 from adatracker_deploy.learning.data.dataset import Dataset
 from adatracker_deploy.learning.data.recipe import load_mixture
 from adatracker_deploy.learning.episode_spec import RATE_HZ
@@ -109,6 +109,10 @@ def train(
             f"--method {settings.method}: {lacking[settings.method]} logged trials do not have; "
             "cloning, awr and cql_sac learn from what was done"
         )
+    if settings.late and settings.method != "td3":
+        raise UsageError(
+            f"--late: --method td3 makes the driver of bodies that obey late, not {settings.method}"
+        )
     if settings.method == "td3":
         _check_improves(settings)
     if snapshot is not None:
@@ -182,6 +186,7 @@ def _begin_with(agent: Agent, other: str) -> None:
     """Take over the networks of another run's folder, or of a bundle.
 
     An agent that is told a belief or a response may begin with networks that are not: it ignores it at first.
+    Of a bundle with a driver for bodies that obey late, it takes the usual one.
 
     Raises:
         UsageError: there is neither, or its networks differ.
@@ -191,12 +196,13 @@ def _begin_with(agent: Agent, other: str) -> None:
         config, weights = found.settings.config(), found.learner["agent"]
     else:
         networks = networks_of(_bundle(other))
-        meta, config = networks.meta, networks.policy.config
+        policy = usual_driver(networks.policy)
+        meta, config = networks.meta, policy.config
         if (meta.mask, meta.action, meta.rate_hz) != (ADATRACKER_MASK, ACTION, RATE_HZ):
             raise UsageError(
                 f"{other}: its masks, its action or its rate are not those that are trained here"
             )
-        known = {"policy": networks.policy, "encoder": networks.encoder}
+        known = {"policy": policy, "encoder": networks.encoder}
         weights = agent.state_dict() | {
             f"{part}.{name}": value
             for part, module in known.items()

@@ -59,6 +59,8 @@ class TrainSettings:
     """The policy is told the belief across gaps (`policy.belief`)."""
     response: bool = False
     """The policy is told the response of the body (`policy.response`), as part of its context."""
+    late: bool = False
+    """`td3` makes the driver of bodies that obey late (`AdaTrackerConfig.late`), which are not held more."""
     bfloat16: bool = False
     """Pays where the processor multiplies such numbers itself (AMX, a GPU); elsewhere it is slower."""
 

@@ -56,6 +56,8 @@ A distance and not its square: an action stays where it was unless the critics p
 moving it. They are smooth where the reward has its ridge (bearing zero, 2.5 m), with the foresight a little
 less, so they know a good action worse than the policy does, and a square gives way to that everywhere
 (`docs/learning.md`)."""
+_ANCHOR_LATE = 0.2
+"""The same weight for a driver of bodies that obey late alone, who has more to learn."""
 _NEAR = 0.02
 """Distances below are rounded off, so that the gradient has no jump."""
 _NOMINAL_YAW_RAD_S = math.radians(120.0)
@@ -160,10 +162,12 @@ class Td3(Learner):
         self.critics.requires_grad_(False)
         worth = mean_where(self._worth(known, actions), weight)
         self.critics.requires_grad_(True)
-        moved = _reach(known.states) * ((actions - before) ** 2 + _NEAR**2).sqrt()
+        late = self._settings.late
+        moved = _reach(known.states, late=late) * ((actions - before) ** 2 + _NEAR**2).sqrt()
         apart = mean_where(moved.sum(-1), weight)
         self._optimizer.zero_grad()
-        (_ANCHOR * apart - worth / self.critics.spread).backward()  # type: ignore[no-untyped-call]
+        anchor = _ANCHOR_LATE if late else _ANCHOR
+        (anchor * apart - worth / self.critics.spread).backward()  # type: ignore[no-untyped-call]
         nn.utils.clip_grad_norm_(self._acting, _CLIP)
         self._optimizer.step()
         return {"worth": worth.detach(), "apart": apart.detach()}
@@ -204,20 +208,21 @@ class _Known:
         return torch.cat((self.states, self.foresight.of(actions)), dim=-1)
 
 
-def _reach(states: Tensor) -> Tensor:
+def _reach(states: Tensor, *, late: bool = False) -> Tensor:
     """Return what the anchor asks of a difference of 1 along each axis of an action (B, L, 2).
 
     It is what that moves of the next reward, in units of turning at `_NOMINAL_YAW_RAD_S`: an axis that moves
     little of it gains little, too. Bodies that obey late are held more, for what the critics promise lies
-    further ahead; and where the target is not visible it is 1, for there the critics know what the policy
-    cannot. Without these two, targets are lost in `hard` that were kept (`docs/learning.md`).
+    further ahead, unless they are what is learned (`late`). Where the target is not visible it is 1: there
+    the critics know what the policy cannot. Without these two, targets are lost in `hard` that were kept
+    (`docs/learning.md`).
     """
     at = dict(zip(COLUMNS, states.unbind(-1), strict=False))
     forward, yaw = at["log_forward"].exp(), at["log_yaw"].exp()
     of_turning = _NOMINAL_YAW_RAD_S / MAX_BEARING_RAD
     reach = torch.stack((_FORWARD_WEIGHT * forward / MAX_DISTANCE_M, yaw / MAX_BEARING_RAD), -1) / of_turning
-    late = ((at["lag_s"] + at["delay_s"]) / _LATE_S) ** 2
-    reach = reach * (1.0 + late[..., None])
+    if not late:
+        reach = reach * (1.0 + ((at["lag_s"] + at["delay_s"]) / _LATE_S) ** 2)[..., None]
     return torch.where(at["visible"][..., None] > 0, reach, torch.ones_like(reach))
 
 

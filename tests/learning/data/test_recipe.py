@@ -19,7 +19,10 @@ from tests.learning.data import tiny
 
 
 def test_the_paper_and_the_deploy_recipe_are_shipped():
-    assert " ".join(recipe_names()) == "beyond broad calm deploy ground late offline paper robots tall wide"
+    assert (
+        " ".join(recipe_names())
+        == "beyond broad calm calm-late deploy ground ground-late late offline paper robots tall wide"
+    )
     assert load_recipe("paper").steps == 190_000
     assert load_recipe("deploy").steps == 1_000_000
 
@@ -93,7 +96,7 @@ def test_a_wrong_recipe_is_one_clear_line(changed, message):
 
 def test_a_missing_or_broken_file_is_one_clear_line(tmp_path):
     with pytest.raises(
-        UsageError, match="unknown recipe 'soup': known are beyond, broad, calm, deploy, ground, late"
+        UsageError, match="unknown recipe 'soup': known are beyond, broad, calm, calm-late, deploy"
     ):
         load_recipe("soup")
     with pytest.raises(UsageError, match="cannot be read"):
