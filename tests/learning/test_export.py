@@ -266,7 +266,7 @@ def of_two_drivers(tmp_path, late=None):
     return usual.policy, other.policy, ["export-onnx", *paths]
 
 
-@pytest.mark.parametrize(("late_s", "share"), [(0.4, 0.0), (1.05, 0.0), (1.25, 0.5), (1.45, 1.0), (1.6, 1.0)])
+@pytest.mark.parametrize(("late_s", "share"), [(0.4, 0.0), (1.15, 0.0), (1.35, 0.5), (1.55, 1.0), (1.6, 1.0)])
 def test_a_body_that_obeys_late_has_a_driver_of_its_own(tmp_path, late_s, share):
     usual, late, command = of_two_drivers(tmp_path)
     assert main(command) == 0

@@ -109,10 +109,8 @@ def train(
             f"--method {settings.method}: {lacking[settings.method]} logged trials do not have; "
             "cloning, awr and cql_sac learn from what was done"
         )
-    if settings.late and settings.method != "td3":
-        raise UsageError(
-            f"--late: --method td3 makes the driver of bodies that obey late, not {settings.method}"
-        )
+    if settings.late and not (settings.method == "td3" and settings.response):
+        raise UsageError("--late: only --method td3 --response makes a driver of bodies that obey late")
     if settings.method == "td3":
         _check_improves(settings)
     if snapshot is not None:
