@@ -50,8 +50,8 @@ def _rebuilt(bundle: Bundle) -> AdaTracker:
     policy = _Graph(bundle.policy)
     encoder = _Graph(bundle.encoder) if bundle.encoder else None
     told = {tensor.name for tensor in manifest.policy.inputs}
-    late = policy.count("LSTM") == 2
-    memories, actors = ([f"{part}.usual", f"{part}.late"] if late else [part] for part in ("memory", "actor"))
+    two = policy.count("LSTM") == 2
+    memories, actors = ([f"{part}.usual", f"{part}.late"] if two else [part] for part in ("memory", "actor"))
     weights = policy.tensors("policy.")
     for index, (memory, actor) in enumerate(zip(memories, actors, strict=True)):
         weights |= policy.lstm(memory, index) | policy.actor(actor)
@@ -71,7 +71,7 @@ def _rebuilt(bundle: Bundle) -> AdaTracker:
         last_action="last_action" in told,
         belief="belief" in told,
         response=manifest.response,
-        late=late,
+        second_driver=two,
     )
     torch_policy = ContextPolicy(config)
     unused = {name: value for name, value in torch_policy.state_dict().items() if ".log_std." in name}

@@ -181,9 +181,9 @@ def with_late(usual: Checkpoint, late: Checkpoint, path: Path) -> AdaTracker:
     """
     if not (isinstance(usual, AdaTracker) and isinstance(late, AdaTracker)):
         raise UsageError(f"{path}: only AdaTracker's networks can have a driver for bodies that obey late")
-    if late.policy.config != usual.policy.config or usual.policy.config.late:
+    if late.policy.config != usual.policy.config or usual.policy.config.second_driver:
         raise UsageError(f"{path}: its networks are not those of the usual driver")
-    policy = ContextPolicy(dataclasses.replace(usual.policy.config, late=True)).eval()
+    policy = ContextPolicy(dataclasses.replace(usual.policy.config, second_driver=True)).eval()
     first, second = (_together(each.encoder, each.policy).state_dict() for each in (usual, late))
     weights: dict[str, torch.Tensor] = {}
     for name, value in first.items():
@@ -201,9 +201,9 @@ def with_late(usual: Checkpoint, late: Checkpoint, path: Path) -> AdaTracker:
 
 def usual_driver(policy: ContextPolicy) -> ContextPolicy:
     """Return a policy without its driver for bodies that obey late; itself if it has none."""
-    if not policy.config.late:
+    if not policy.config.second_driver:
         return policy
-    alone = ContextPolicy(dataclasses.replace(policy.config, late=False))
+    alone = ContextPolicy(dataclasses.replace(policy.config, second_driver=False))
     kept = ((name.replace(".usual.", "."), value) for name, value in policy.state_dict().items())
     alone.load_state_dict({name: value for name, value in kept if ".late." not in name})
     return alone.eval()

@@ -18,11 +18,9 @@ from torch.nn import functional
 
 from adatracker_deploy.config.schema import Range
 from adatracker_deploy.core.errors import UsageError
+from adatracker_deploy.learning.drivers import LstmState, actor_of, memory_of
 from adatracker_deploy.learning.mask_statistics import PER_CHANNEL, STRIPS, mask_statistics
 from adatracker_deploy.policy import belief, response
-
-LstmState = tuple[Tensor, Tensor]
-"""(h, c) of a one-layer LSTM, each (1, B, H); zeros begin an episode."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,8 +59,8 @@ class AdaTrackerConfig:
     """The response of the body (`policy.response`) continues z; ours, not the paper's."""
     lstm: bool = True
     """Without, a layer of the same width without memory is in the place of the policy's LSTM."""
-    late: bool = False
-    """A second memory and actor drive bodies that obey late (`Memories`); ours, not the paper's."""
+    second_driver: bool = False
+    """A memory and an actor of their own drive bodies that obey late (`Memories`); ours, not the paper's."""
 
     def __post_init__(self) -> None:
         if (self.history > 0) is not (self.context > 0):
@@ -71,8 +69,8 @@ class AdaTrackerConfig:
             )
         if self.response and not self.context:
             raise UsageError("response: it continues the context, and there is none without an encoder")
-        if self.late and not (self.response and self.lstm):
-            raise UsageError("late: two LSTMs drive, and the response decides between them; it needs both")
+        if self.second_driver and not (self.response and self.lstm):
+            raise UsageError("second_driver: two LSTMs drive, the response decides; it needs both")
         if self.front == "pooled" and self.size % STRIPS:
             raise UsageError(f"front pooled: a mask of {self.size} pixels is no multiple of {STRIPS}")
 
@@ -95,7 +93,7 @@ class AdaTrackerConfig:
     @property
     def state(self) -> int:
         """Size of h, and of c: what the policy remembers."""
-        return 2 * self.hidden if self.late else self.hidden
+        return 2 * self.hidden if self.second_driver else self.hidden
 
 
 class Backbone(nn.Module):
@@ -244,84 +242,6 @@ class DynamicsHead(nn.Module):
         return x
 
 
-class Actor(nn.Module):
-    """A Gaussian over actions before tanh, from the policy's recurrent feature."""
-
-    def __init__(self, features: int, width: int, actions: int) -> None:
-        super().__init__()
-        self.hidden = nn.Linear(features, width)
-        self.mean = nn.Linear(width, actions)
-        self.log_std = nn.Linear(width, actions)
-
-    def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
-        """Return (mean, log_std), each (..., A); log_std in [-5, 2], the range common to SAC."""
-        x = functional.relu(self.hidden(x))
-        return self.mean(x), self.log_std(x).clamp(-5.0, 2.0)
-
-
-_LATE_FROM_S, _LATE_WHOLLY_S = 1.2, 1.5
-"""Delay and lag together, as the response has them, from which the second driver counts, and alone counts.
-
-In none of 16 tuning episodes of `field` was it told of 1.1 s, so there is one driver there; with 0.6 and 1 s,
-it was told of more than 1.2 s in 90 to 98 % of the steps.
-"""
-
-
-class Memories(nn.Module):
-    """The LSTMs of two drivers, the usual one and one for bodies that obey late.
-
-    With 1.6 s between a command and its work, another way to drive is right, and one network that learns it
-    forgets some of the other (`docs/learning.md`). Both remember at all times, so either can take over.
-    """
-
-    def __init__(self, inputs: int, config: AdaTrackerConfig) -> None:
-        super().__init__()
-        self.usual = nn.LSTM(inputs, config.hidden, batch_first=True)
-        self.late = nn.LSTM(inputs, config.hidden, batch_first=True)
-        told = config.features + config.context
-        self._delay, self._lag = (told + response.COLUMNS.index(name) for name in ("delay", "lag"))
-
-    def forward(self, u: Tensor, state: LstmState | None = None) -> tuple[Tensor, LstmState]:
-        """Return (x, state) of inputs u (B, T, U).
-
-        Args:
-            u: see `ContextPolicy.inputs`.
-            state: (h, c), each (1, B, 2H), the usual driver's first; zeros if None.
-
-        Returns:
-            x (B, T, 2H + 1): what each driver knows, and the late one's share, 0 to 1; and the state after.
-        """
-        usual, late = self.usual(u, _half(state, 0)), self.late(u, _half(state, 1))
-        late_s = response.LONGEST_DELAY_S * u[..., self._delay, None] + u[..., self._lag, None]
-        share = ((late_s - _LATE_FROM_S) / (_LATE_WHOLLY_S - _LATE_FROM_S)).clamp(0.0, 1.0)
-        h, c = (torch.cat(parts, dim=-1) for parts in zip(usual[1], late[1], strict=True))
-        return torch.cat((usual[0], late[0], share), dim=-1), (h, c)
-
-
-def _half(state: LstmState | None, which: int) -> LstmState | None:
-    if state is None:
-        return None
-    h, c = (part.chunk(2, dim=-1)[which].contiguous() for part in state)
-    return h, c
-
-
-class Actors(nn.Module):
-    """The actors of two drivers, and what comes of both, by the late one's share."""
-
-    def __init__(self, config: AdaTrackerConfig) -> None:
-        super().__init__()
-        self._hidden = config.hidden
-        self.usual = Actor(config.hidden, config.actor, config.actions)
-        self.late = Actor(config.hidden, config.actor, config.actions)
-
-    def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
-        """Return (mean, log_std), each (..., A), of what `Memories` returns."""
-        usual, late, share = torch.split(x, [self._hidden, self._hidden, 1], dim=-1)
-        both = zip(self.usual(usual), self.late(late), strict=True)
-        mean, log_std = ((1.0 - share) * one + share * other for one, other in both)
-        return mean, log_std
-
-
 class Critic(nn.Module):
     """``Q_theta``: what an action is worth in a state; for training only.
 
@@ -340,15 +260,6 @@ class Critic(nn.Module):
         return value.squeeze(-1)
 
 
-def _memory_of(config: AdaTrackerConfig) -> Memories | nn.LSTM | nn.Linear:
-    inputs = sum(config.inputs.values())
-    if config.late:
-        return Memories(inputs, config)
-    if config.lstm:
-        return nn.LSTM(inputs, config.hidden, batch_first=True)
-    return nn.Linear(inputs, config.hidden)
-
-
 class ContextPolicy(nn.Module):
     """``u_t = concat(CNN(m_t), z_t); x_t, (h_t, c_t) = LSTM(u_t, (h_{t-1}, c_{t-1}))``, and an actor on x_t.
 
@@ -360,8 +271,8 @@ class ContextPolicy(nn.Module):
         super().__init__()
         self.config = config
         self.backbone = front_of(config)
-        self.memory = _memory_of(config)
-        self.actor = Actors(config) if config.late else Actor(config.hidden, config.actor, config.actions)
+        self.memory = memory_of(config)
+        self.actor = actor_of(config)
 
     def forward(
         self,

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from adatracker_deploy.core.messages import ClassMask, MaskClass
 from adatracker_deploy.learning.checkpoint import AdaTracker, Checkpoint, OfflineEvt
-from adatracker_deploy.learning.networks import LstmState
+from adatracker_deploy.learning.drivers import LstmState
 from adatracker_deploy.policy import belief
 from adatracker_deploy.policy.belief import Array
 from adatracker_deploy.policy.drawing import MaskPainter

@@ -24,7 +24,7 @@ VARIANTS = {
     "no lstm": replace(CONFIG, lstm=False),
     "belief": replace(CONFIG, last_action=True, belief=True),
     "response": replace(CONFIG, last_action=True, belief=True, response=True),
-    "late": replace(CONFIG, last_action=True, belief=True, response=True, late=True),
+    "second driver": replace(CONFIG, last_action=True, belief=True, response=True, second_driver=True),
     "no encoder, belief": replace(CONFIG, history=0, context=0, belief=True),
     "pooled": replace(CONFIG, last_action=True, front="pooled"),
 }

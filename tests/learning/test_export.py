@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import re
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import onnxruntime as ort
 import pytest
 import torch
 from torch.nn import functional
@@ -17,7 +15,7 @@ from torch.nn import functional
 from adatracker_deploy.cli import main
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.bundle_weights import networks_of
-from adatracker_deploy.learning.checkpoint import OFFLINE_EVT, save_checkpoint, usual_driver
+from adatracker_deploy.learning.checkpoint import OFFLINE_EVT
 from adatracker_deploy.learning.export import export_checkpoint, largest_difference
 from adatracker_deploy.learning.rollout import rollout, walking_masks
 from adatracker_deploy.policy import belief, response
@@ -33,7 +31,7 @@ pytestmark = pytest.mark.slow
 ROOT = Path(__file__).parents[2]
 PUBLISHED = ROOT.parent / "shared" / "data" / "offline_evt_public.pth"
 TICKS = 30
-EACH_PART = ("belief", "response", "late", "pooled", "no encoder, last action", "no lstm")
+EACH_PART = ("belief", "response", "second driver", "pooled", "no encoder, last action", "no lstm")
 """Variants that have each part, and lack each, at least once."""
 
 
@@ -252,76 +250,6 @@ def test_several_checkpoints_become_one_bundle_of_their_mean(tmp_path, capsys):
     assert main(["export-onnx", *paths, "--out", str(tmp_path / "mean")]) == 0
     assert "difference" in capsys.readouterr().out
     assert load_bundle(tmp_path / "mean").manifest.training.startswith("The mean of 2 runs' weights:")
-
-
-def of_two_drivers(tmp_path, late=None):
-    """Return two drivers, which have the same eyes and encoder, and the command that joins them."""
-    config = fresh.VARIANTS["response"]
-    usual, other = fresh.adatracker(1, config), fresh.adatracker(2, late or config)
-    if late is None:
-        other.policy.backbone.load_state_dict(usual.policy.backbone.state_dict())
-    for name, each in (("usual", usual), ("late", other)):
-        save_checkpoint(tmp_path / f"{name}.pt", usual.encoder, each.policy, fresh.META)
-    paths = str(tmp_path / "usual.pt"), "--late", str(tmp_path / "late.pt"), "--out", str(tmp_path / "two")
-    return usual.policy, other.policy, ["export-onnx", *paths]
-
-
-@pytest.mark.parametrize(("late_s", "share"), [(0.4, 0.0), (1.15, 0.0), (1.35, 0.5), (1.55, 1.0), (1.6, 1.0)])
-def test_a_body_that_obeys_late_has_a_driver_of_its_own(tmp_path, late_s, share):
-    usual, late, command = of_two_drivers(tmp_path)
-    assert main(command) == 0
-    bundle = load_bundle(tmp_path / "two")
-    session = ort.InferenceSession(bundle.policy)
-    size, told = fresh.CONFIG.hidden, fresh.CONFIG.context
-    state = {name: np.zeros((1, 1, 2 * size), np.float32) for name in ("h", "c")}
-    states = [None, None]
-    rng = np.random.default_rng(3)
-    for mask in bundle.golden["mask"][:4]:
-        z = rng.uniform(-1, 1, (1, told + response.SIZE)).astype(np.float32)
-        z[0, told + response.COLUMNS.index("delay")] = min(late_s, 0.6) / 0.6
-        z[0, told + response.COLUMNS.index("lag")] = max(late_s - 0.6, 0.0)
-        rest = {"last_action": rng.uniform(-1, 1, (1, 2)), "belief": rng.uniform(-1, 1, (1, belief.SIZE))}
-        given = {"mask": mask[None], "z": z} | {name: part.astype(np.float32) for name, part in rest.items()}
-        got, state["h"], state["c"] = session.run(["action", "h_next", "c_next"], given | state)
-        wanted = []
-        for which, driver in enumerate((usual, late)):
-            parts = [torch.from_numpy(part)[:, None] for part in given.values()]
-            with torch.no_grad():
-                mean, _, states[which] = driver(parts[0], parts[1], states[which], *parts[2:])
-            wanted.append(mean[0].numpy())
-        np.testing.assert_allclose(got, np.tanh((1 - share) * wanted[0] + share * wanted[1]), atol=1e-5)
-
-
-def test_training_begins_with_the_usual_driver_of_two(tmp_path):
-    usual, _, command = of_two_drivers(tmp_path)
-    assert main(command) == 0
-    found = networks_of(load_bundle(tmp_path / "two")).policy
-    assert found.config.late
-    alone = usual_driver(found)
-    assert alone.config == usual.config
-    for name, value in usual.state_dict().items():
-        assert "log_std" in name or torch.equal(alone.state_dict()[name], value)
-
-
-@pytest.mark.parametrize(
-    ("late", "reason"),
-    [
-        (fresh.VARIANTS["response"], r"late\.pt: its policy\.backbone\.patches\.weight is another's"),
-        (fresh.VARIANTS["belief"], r"late\.pt: its networks are not those of the usual driver"),
-        (fresh.VARIANTS["late"], r"late\.pt: its networks are not those of the usual driver"),
-    ],
-)
-def test_a_second_driver_who_sees_otherwise_is_refused(tmp_path, late, reason, capsys):
-    _, _, command = of_two_drivers(tmp_path, late)
-    assert main(command) == 2
-    assert re.search(reason, capsys.readouterr().err)
-    assert not (tmp_path / "two").exists()
-
-
-def test_offline_evt_has_no_second_driver(tmp_path, capsys):
-    path = str(fresh.save_offline_evt(tmp_path / "evt.pt"))
-    assert main(["export-onnx", path, "--late", path, "--out", str(tmp_path / "two")]) == 2
-    assert "only AdaTracker's networks can have a driver" in capsys.readouterr().err
 
 
 def test_name_rate_and_licence_can_be_given(checkpoint, tmp_path):

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from torch import nn
 
 from adatracker_deploy.learning.data.state import COLUMNS
-from adatracker_deploy.learning.networks import Actor, AdaTrackerConfig
+from adatracker_deploy.learning.drivers import Actor
+from adatracker_deploy.learning.networks import AdaTrackerConfig
 from adatracker_deploy.learning.train.agent import Agent, Sequences
 from adatracker_deploy.learning.train.cql_sac import CqlSac, Transitions, log_sum_exp, sample_action
 from adatracker_deploy.learning.train.settings import BURN_IN, TrainSettings

@@ -28,9 +28,10 @@ from adatracker_deploy.config.schema import Range
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.checkpoint import ADATRACKER_MASK, CheckpointMeta, save_checkpoint
 from adatracker_deploy.learning.conditions import HEIGHTS_M, TARGET_SPEEDS_M_S
+from adatracker_deploy.learning.drivers import Actor
 from adatracker_deploy.learning.environment import TrackingEnv
 from adatracker_deploy.learning.episode_spec import RATE_HZ
-from adatracker_deploy.learning.networks import Actor, AdaTrackerConfig, Backbone, ContextPolicy
+from adatracker_deploy.learning.networks import AdaTrackerConfig, Backbone, ContextPolicy
 from adatracker_deploy.learning.tracking import ACTION
 from adatracker_deploy.learning.train.agent import drawn
 

@@ -60,7 +60,7 @@ class TrainSettings:
     response: bool = False
     """The policy is told the response of the body (`policy.response`), as part of its context."""
     late: bool = False
-    """`td3` makes the driver of bodies that obey late (`AdaTrackerConfig.late`), which are not held more."""
+    """`td3` makes a driver for bodies that obey late (`drivers.Memories`), and does not hold those more."""
     bfloat16: bool = False
     """Pays where the processor multiplies such numbers itself (AMX, a GPU); elsewhere it is slower."""
 

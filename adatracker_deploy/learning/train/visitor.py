@@ -24,7 +24,7 @@ from adatracker_deploy.policy.past import Past
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from adatracker_deploy.learning.networks import LstmState
+    from adatracker_deploy.learning.drivers import LstmState
 
 
 class Visitor:
