@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.data.logged import logged_trials, read_logged
-from adatracker_deploy.learning.data.search import search_labels
+from adatracker_deploy.learning.data.search_labels import search_labels
 from adatracker_deploy.learning.data.shard import Steps, read_shard
 from adatracker_deploy.learning.data.state import described
 from adatracker_deploy.learning.data.told import told_at_steps

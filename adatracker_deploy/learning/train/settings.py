@@ -33,7 +33,7 @@ class TrainSettings:
     variants: tuple[Variant, ...] = ()
     """Parts left out: the identification task (reward, height and our dynamics head), that head alone, the
     consistency task, the encoder, the policy's LSTM, the last action as an input of the policy, the search
-    labels of DAgger (`data/search.py`)."""
+    labels of DAgger (`data/search_labels.py`)."""
     init: str | None = None
     """Folder of another run, or a bundle, whose weights this one begins with, heads and critics aside."""
     rate: Annotated[float, Range(1e-7, 1e-1)] | None = None

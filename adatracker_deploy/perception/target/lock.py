@@ -31,6 +31,7 @@ from adatracker_deploy.perception.target.recognition import (
     is_elsewhere,
     outdone,
     taken_back,
+    who_stands_before,
 )
 
 if TYPE_CHECKING:
@@ -135,11 +136,12 @@ class TargetLock:
         alike = self._target.alike(looks)
         sure = len(boxes) if sure is None else sure
         rows = list(range(sure))
-        target, others, place, theirs, _ = max(
+        tracked = max(
             (self._tracked(each, dt_s, boxes[rows], looks[rows], alike[rows]) for each in (motion, STILL)),
-            key=lambda tracked: tracked.fit,
+            key=lambda each: each.fit,
         )
-        faint = None if was_lost or place is not None else _faintly(target, boxes, looks, alike, sure)
+        target, others, place, theirs, _ = tracked
+        faint = None if was_lost or place is not None else _faintly(tracked, boxes, looks, alike, sure)
         if faint is not None:
             rows, place = [*rows, faint], sure
         free = _standing_free(boxes[rows])
@@ -182,8 +184,12 @@ class TargetLock:
         assert self._target is not None
         target = self._target.expected(motion, dt_s)
         others = [replace(other, person=other.person.expected(motion, dt_s)) for other in self._others]
-        places = _places(None if self._target.lost else target, others, boxes, looks, alike)
-        return _Tracked(target, others, *places)
+        place, theirs, fit = _places(None if self._target.lost else target, others, boxes, looks, alike)
+        if place is not None:
+            before = who_stands_before(target, boxes[place], others, theirs)
+            if before is not None:
+                theirs, place = {**theirs, place: before}, None
+        return _Tracked(target, others, place, theirs, fit)
 
 
 def _expected(target: Target, boxes: Boxes) -> tuple[float, float, float, float] | None:
@@ -225,14 +231,16 @@ def _places(
 
 
 def _faintly(
-    target: Target, boxes: Boxes, looks: NDArray[np.float32], alike: NDArray[np.float32], sure: int
+    tracked: _Tracked, boxes: Boxes, looks: NDArray[np.float32], alike: NDArray[np.float32], sure: int
 ) -> int | None:
     """Return which of the boxes after the first `sure` ones is the target's; None if none is, or it is
     somebody's."""
+    target, others, _, theirs, _ = tracked
     place, *_ = _places(target, [], boxes[sure:], looks[sure:], alike[sure:])
     if place is None or overlap(boxes[sure + place][None], boxes[:sure]).max(initial=0.0) >= _TAKEN:
         return None
-    return sure + place
+    before = who_stands_before(target, boxes[sure + place], others, theirs)
+    return sure + place if before is None else None
 
 
 def _standing_free(boxes: Boxes) -> NDArray[np.bool_]:

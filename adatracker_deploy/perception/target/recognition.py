@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from adatracker_deploy.perception.boxes import within
+from adatracker_deploy.perception.boxes import overlap, within
 from adatracker_deploy.perception.target.appearance import likeness, stripes_known
 
 if TYPE_CHECKING:
@@ -65,6 +65,11 @@ _TALLER, _NEARER_S = 1.4, 3.0
 """Height, as a multiple of the target's, from which on somebody is nearer than it was, and the time since it
 last stood free within which they are not taken for it, if they came before it was lost: whoever comes
 between is nearer, and the target does not come so much nearer unseen."""
+_BEFORE, _BEFORE_S, _WHERE = 1.12, 0.5, 0.3
+"""Height, as a multiple of the target's, from which on a box is that of who stands before it; the time for
+which they may have been missed; and its IoU with where they are expected. Of 2,411 rendered crossings, half
+of them with somebody in the target's own body and clothes, 12 end on somebody else with this rule (14 with
+1.2), 21 without."""
 _SMOOTHING_HEIGHT, _ANEW_S = 0.3, 1.0
 """Share of a new height in the target's known one, and the time since it last stood free after which that
 begins anew: half hidden it is lower, and with somebody in its box taller."""
@@ -239,6 +244,29 @@ def is_elsewhere(
     alike = float(here.alike[place])
     likeliest = _likeliest_other(target, here, place, others, theirs)
     return not _agrees(alike, target) and _agrees(likeliest, target) and likeliest > alike + _MARGIN
+
+
+def who_stands_before(
+    target: Target, box: NDArray[np.float32], others: list[Other], theirs: dict[int, int]
+) -> int | None:
+    """Return the index in `others` of whose box this is rather than the target's; None if nobody's.
+
+    Who stands before it is seen, and it may not be. So a box where both may be, which is taller than the
+    target, is theirs if they have no other, however like the target it looks: a look of one moment is more
+    like one of the target's many than like what is known of them.
+    """
+    if box[3] - box[1] < _BEFORE * target.height:
+        return None
+    for index, other in enumerate(others):
+        where = other.person.box.astype(np.float32)
+        if (
+            index not in theirs.values()
+            and other.apart
+            and other.person.unseen_s <= _BEFORE_S
+            and overlap(box[None], where[None])[0, 0] >= _WHERE
+        ):
+            return index
+    return None
 
 
 def _likeliest_other(

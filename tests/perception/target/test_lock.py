@@ -232,6 +232,27 @@ def test_a_target_that_goes_on_under_the_track_of_whom_it_crossed_is_taken_back_
     assert said[-1] == (TRACKED, 0)
 
 
+@pytest.mark.parametrize("other", [0.1, 0.4])
+def test_a_box_that_may_be_of_who_stands_before_the_target_is_theirs_however_like_it_they_look(other):
+    """For one picture both are in one box, which leads their track astray; then they look like the target."""
+
+    def at(*lefts):
+        return [(left, 57, left + 54, 207) for left in lefts]
+
+    target, own, beside = (130, 60, 167, 171), looking([0]), np.concatenate((looking([0]), _mixture(other)))
+    pictures = [
+        *[([target, *at(left)], beside) for left in range(260, 150, -6)],
+        ([(105, 45, 204, 219)], _mixture(other)),
+        *[(at(left), own) for left in (*range(138, 118, -4), *range(118, 80, -6))],
+        *[([target, *at(left)], beside) for left in range(80, -10, -6)],
+    ]
+    said = _said(
+        (np.array([target, *at(260)], np.float32), beside),
+        [(np.array(boxes, np.float32), looks) for boxes, looks in pictures],
+    )
+    assert [place for _, place in said] == [0 if len(boxes) == 2 else None for boxes, _ in pictures]
+
+
 def test_a_second_box_on_the_target_does_not_take_its_next_box():
     """A wide box with an arm and a narrow one without, for one picture; after that the wide one alone."""
     narrow, wide = np.array([[100, 50, 145, 150]], np.float32), np.array([[100, 50, 170, 150]], np.float32)

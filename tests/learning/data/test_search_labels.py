@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adatracker_deploy.learning.data.search import PATIENCE, search_labels, target_centres
+from adatracker_deploy.learning.data.search_labels import PATIENCE, search_labels, target_centres
 from adatracker_deploy.learning.data.shard import pack_masks
 
 
