@@ -68,8 +68,8 @@ between is nearer, and the target does not come so much nearer unseen."""
 _BEFORE, _BEFORE_S, _WHERE = 1.12, 0.5, 0.3
 """Height, as a multiple of the target's, from which on a box is that of who stands before it; the time for
 which they may have been missed; and its least IoU with where they are expected. Of 2,424 rendered crossings,
-half of them with somebody in the target's own body and clothes, 17 end on somebody else with this rule (as
-with 1.2) and 21 without."""
+half of them with somebody in the target's own body and clothes, 17 end on somebody else with this rule and
+21 without."""
 _SMOOTHING_HEIGHT, _ANEW_S = 0.3, 1.0
 """Share of a new height in the target's known one, and the time since it last stood free after which that
 begins anew: half hidden it is lower, and with somebody in its box taller."""

@@ -232,8 +232,11 @@ def test_a_target_that_goes_on_under_the_track_of_whom_it_crossed_is_taken_back_
     assert said[-1] == (TRACKED, 0)
 
 
+@pytest.mark.parametrize("doubtful", [False, True])
 @pytest.mark.parametrize("other", [0.1, 0.4])
-def test_a_box_that_may_be_of_who_stands_before_the_target_is_theirs_however_like_it_they_look(other):
+def test_a_box_that_may_be_of_who_stands_before_the_target_is_theirs_however_like_it_they_look(
+    other, doubtful
+):
     """For one picture both are in one box, which leads their track astray; then they look like the target."""
 
     def at(*lefts):
@@ -246,11 +249,31 @@ def test_a_box_that_may_be_of_who_stands_before_the_target_is_theirs_however_lik
         *[(at(left), own) for left in (*range(138, 118, -4), *range(118, 80, -6))],
         *[([target, *at(left)], beside) for left in range(80, -10, -6)],
     ]
+    sure = [len(boxes) for boxes, _ in pictures]
+    if doubtful:
+        sure[sure.index(1) + 1] = 0
     said = _said(
         (np.array([target, *at(260)], np.float32), beside),
         [(np.array(boxes, np.float32), looks) for boxes, looks in pictures],
+        sure=sure,
     )
     assert [place for _, place in said] == [0 if len(boxes) == 2 else None for boxes, _ in pictures]
+
+
+def test_a_target_keeps_its_box_beside_somebody_who_is_missed():
+    """They walk side by side, and its box is larger for the picture in which there is none on the other."""
+
+    def at(left):
+        return np.array([(100, 20, 140, 120), (left, 20, left + 40, 120)], np.float32)
+
+    both, grown = np.concatenate((looking([0]), _mixture(0.1))), np.array([(97, 8, 143, 128)], np.float32)
+    pictures = [
+        *[(at(left), both) for left in range(160, 115, -3)],
+        *[(at(115), both)] * 5,
+        (grown, looking([0])),
+        *[(at(115), both)] * 5,
+    ]
+    assert set(_said((at(160), both), pictures)) == {(TRACKED, 0)}
 
 
 def test_a_second_box_on_the_target_does_not_take_its_next_box():
@@ -340,14 +363,16 @@ def _mixture(share):
     return np.sqrt((1 - share) * np.square(looking([0])) + share * np.square(looking([2])))
 
 
-def _said(first, pictures):
-    """Return the lock's (state, index of the target's box) for each (boxes, looks), at 20 Hz."""
+def _said(first, pictures, sure=None):
+    """Return the lock's (state, index of the target's box) for each (boxes, looks), at 20 Hz; `sure` has for
+    each how many of the boxes are surely people's, by default all."""
     lock = TargetLock()
     lock.choose(0, *first, 0)
     said = []
     for number, (boxes, looks) in enumerate(pictures, start=1):
         scores = np.full(len(boxes), 0.9, np.float32)
-        answer = lock.update(boxes, scores, looks, STILL, number * 50_000_000)
+        surely = None if sure is None else sure[number - 1]
+        answer = lock.update(boxes, scores, looks, STILL, number * 50_000_000, sure=surely)
         said.append((answer.state, answer.place))
     return said
 
