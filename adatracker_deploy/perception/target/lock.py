@@ -123,8 +123,8 @@ class TargetLock:
             motion: of the camera since the last picture.
             t_ns: when the picture was taken.
             sure: how many of the boxes, the first ones, are surely people's; by default all. The others only
-                continue the track of a target that is in none of the first (Zhang et al. 2022, "ByteTrack:
-                multi-object tracking by associating every detection box").
+                continue the track of a target that is in none of the first, or of who stands before it (Zhang
+                et al. 2022, "ByteTrack: multi-object tracking by associating every detection box").
 
         Raises:
             RuntimeError: nobody has been chosen.
@@ -136,14 +136,15 @@ class TargetLock:
         alike = self._target.alike(looks)
         sure = len(boxes) if sure is None else sure
         rows = list(range(sure))
-        tracked = max(
+        target, others, place, theirs, _ = max(
             (self._tracked(each, dt_s, boxes[rows], looks[rows], alike[rows]) for each in (motion, STILL)),
-            key=lambda each: each.fit,
+            key=lambda tracked: tracked.fit,
         )
-        target, others, place, theirs, _ = tracked
-        faint = None if was_lost or place is not None else _faintly(tracked, boxes, looks, alike, sure)
+        faint = None if was_lost or place is not None else _faintly(target, boxes, looks, alike, sure)
         if faint is not None:
-            rows, place = [*rows, faint], sure
+            rows = [*rows, faint]
+            before = who_stands_before(target, boxes[faint], others, theirs)
+            place, theirs = (sure, theirs) if before is None else (None, {**theirs, sure: before})
         free = _standing_free(boxes[rows])
         free[sure:] = False  # a doubtful box teaches nothing
         here = Picture(
@@ -231,16 +232,14 @@ def _places(
 
 
 def _faintly(
-    tracked: _Tracked, boxes: Boxes, looks: NDArray[np.float32], alike: NDArray[np.float32], sure: int
+    target: Target, boxes: Boxes, looks: NDArray[np.float32], alike: NDArray[np.float32], sure: int
 ) -> int | None:
     """Return which of the boxes after the first `sure` ones is the target's; None if none is, or it is
     somebody's."""
-    target, others, _, theirs, _ = tracked
     place, *_ = _places(target, [], boxes[sure:], looks[sure:], alike[sure:])
     if place is None or overlap(boxes[sure + place][None], boxes[:sure]).max(initial=0.0) >= _TAKEN:
         return None
-    before = who_stands_before(target, boxes[sure + place], others, theirs)
-    return sure + place if before is None else None
+    return sure + place
 
 
 def _standing_free(boxes: Boxes) -> NDArray[np.bool_]:

@@ -251,7 +251,8 @@ def test_a_box_that_may_be_of_who_stands_before_the_target_is_theirs_however_lik
     ]
     sure = [len(boxes) for boxes, _ in pictures]
     if doubtful:
-        sure[sure.index(1) + 1] = 0
+        after = sure.index(1) + 1
+        sure[after : after + 5] = [0] * 5
     said = _said(
         (np.array([target, *at(260)], np.float32), beside),
         [(np.array(boxes, np.float32), looks) for boxes, looks in pictures],
