@@ -1,7 +1,8 @@
 """Geofence and altitude band: where the robot is and where it would come to rest.
 
-The stopping distance after a stop is taken to be ``v^2 / (2 a)`` at the profile's acceleration limit. A
-position of NaN is outside of everything.
+Over the ground, the stopping distance is taken to be ``v^2 / (2 a)`` at the profile's acceleration limit, or
+``v`` times its headway where that is longer: a body that obeys late brakes less hard than its commands may.
+Upwards it is the first. A position of NaN is outside of everything.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ def leaves_fence(limits: Limits, start: Pose, pose: Pose, velocity: Twist) -> bo
         pose: its current pose.
         velocity: in its body frame.
     """
-    braking_s = math.hypot(velocity.vx, velocity.vy) / (2 * limits.accel_m_s2)
+    braking_s = max(math.hypot(velocity.vx, velocity.vy) / (2 * limits.accel_m_s2), limits.headway_s)
     forth, left = _turned(velocity.vx * braking_s, velocity.vy * braking_s, pose.yaw)
     x, y = _turned(pose.x + forth - start.x, pose.y + left - start.y, -start.yaw)
     if limits.fence_corners_m:

@@ -167,6 +167,15 @@ def test_the_way_that_braking_needs_counts(velocity, yaw, reach_m):
         assert gate.state.stop == stop
 
 
+@pytest.mark.parametrize(("headway_s", "reach_m"), [(0.2, 0.25), (0.25, 0.25), (0.6, 0.6)])
+def test_a_body_that_obeys_late_needs_its_headway(headway_s, reach_m):
+    for margin_m, stop in ((0.01, None), (-0.01, Stop(Reason.GEOFENCE))):
+        gate = Gate(jumps=True, headway_s=headway_s)
+        gate.ask(ZERO, pose=Pose(z=2.0))
+        gate.ask(ZERO, pose=Pose(x=10.0 - reach_m - margin_m, z=2.0), velocity=Twist(1.0))
+        assert gate.state.stop == stop
+
+
 def test_where_no_velocity_is_measured_what_was_sent_counts():
     gate = Gate(jumps=True)
     gate.cruise(Twist(1.0), pose=Pose(z=2.0), velocity=None)
