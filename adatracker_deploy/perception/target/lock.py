@@ -143,8 +143,7 @@ class TargetLock:
         faint = None if was_lost or place is not None else _faintly(target, boxes, looks, alike, sure)
         if faint is not None:
             rows = [*rows, faint]
-            before = who_stands_before(target, boxes[faint], others, theirs)
-            place, theirs = (sure, theirs) if before is None else (None, {**theirs, sure: before})
+            place, theirs = _yielded(sure, boxes[faint], target, others, theirs)
         free = _standing_free(boxes[rows])
         free[sure:] = False  # a doubtful box teaches nothing
         here = Picture(
@@ -187,10 +186,16 @@ class TargetLock:
         others = [replace(other, person=other.person.expected(motion, dt_s)) for other in self._others]
         place, theirs, fit = _places(None if self._target.lost else target, others, boxes, looks, alike)
         if place is not None:
-            before = who_stands_before(target, boxes[place], others, theirs)
-            if before is not None:
-                theirs, place = {**theirs, place: before}, None
+            place, theirs = _yielded(place, boxes[place], target, others, theirs)
         return _Tracked(target, others, place, theirs, fit)
+
+
+def _yielded(
+    place: int, box: NDArray[np.float32], target: Target, others: list[Other], theirs: dict[int, int]
+) -> tuple[int | None, dict[int, int]]:
+    """Return the target's place and the others', after who stands before the target has got that box."""
+    before = who_stands_before(target, box, others, theirs)
+    return (place, theirs) if before is None else (None, {**theirs, place: before})
 
 
 def _expected(target: Target, boxes: Boxes) -> tuple[float, float, float, float] | None:
