@@ -1,12 +1,12 @@
 """How well a policy frames its target through the gate, with a robot's own body, and what a limit costs it.
 
 python benchmarks/framing.py [RUNS] [--platform NAME] [--profile NAME] [--policy NAME] [--others N] [--seed S]
-                             [--limit NAME=NUMBER ...]
+                             [--late TICKS] [--limit NAME=NUMBER ...]
 
-Rehearsals' body, camera and gate, in the simple room, with true masks and nothing late; a drone hovers at
-2 m. Not in real time, so trials of a minute take seconds, and nothing but the limits differs between two
-calls. MR is as in `score`, by the true box; |dy| and |dh| are how far its middle is up or down from where it
-began, and its height from what it was, in fractions of the picture.
+Rehearsals' body, camera and gate, in the simple room, with true masks that are TICKS of 0.1 s old; a drone
+hovers at 2 m. Not in real time, so trials of a minute take seconds, and nothing but the limits differs
+between two calls. MR is as in `score`, by the true box; |dy| and |dh| are how far its middle is up or down
+from where it began, and its height from what it was, in fractions of the picture.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from statistics import fmean, pstdev
 from typing import NamedTuple
 
 from adatracker_deploy.config.profile import Profile
-from adatracker_deploy.core.messages import Box, Observation, PlatformState
+from adatracker_deploy.core.messages import Box, ClassMask, Observation, PlatformState
 from adatracker_deploy.learning.embodiment import Hovering
 from adatracker_deploy.policy.base import Policy, to_twist
 from adatracker_deploy.policy.catalogue import load_policy
@@ -46,7 +46,7 @@ class Run(NamedTuple):
     dh: float
 
 
-def played(policy: Policy, profile: Profile, seed: int, others: int) -> Run:
+def played(policy: Policy, profile: Profile, seed: int, others: int, late: int) -> Run:
     """Play one run of a minute under a profile's limits."""
     limits = replace(
         profile.limits, fence_radius_m=1000.0, altitude_m=None, switched_off=("battery", "position_jumped")
@@ -60,10 +60,13 @@ def played(policy: Policy, profile: Profile, seed: int, others: int) -> Run:
     fov_rad = math.radians(profile.sitl.camera.fov_deg)
     state = GateState(armed_ns=0)
     boxes: list[Box | None] = []
+    pictures: list[ClassMask] = []
     away, pitch = [], []
     for tick in range(SECONDS * RATE_HZ):
-        mask = world.render_mask(body.camera_pose, fov_rad, 48, 64)
-        boxes.append(box := Box.of_mask(mask))
+        pictures.append(world.render_mask(body.camera_pose, fov_rad, 48, 64))
+        boxes.append(Box.of_mask(pictures[-1]))
+        mask = pictures[max(0, tick - late)]
+        box = boxes[max(0, tick - late)]
         now_ns = tick * 10**9 // RATE_HZ
         seen = Observation(seq=tick, t_ns=now_ns, mask=mask, box=box, confidence=1.0 if box else 0.0)
         setpoint = Setpoint(
@@ -108,6 +111,7 @@ def main() -> None:
     parser.add_argument("--policy", default="adatracker")
     parser.add_argument("--others", type=int, default=2)
     parser.add_argument("--seed", type=int, default=9001, help="of the first run; others have the next")
+    parser.add_argument("--late", type=int, default=0)
     parser.add_argument("--limit", type=limit, action="append", default=[], metavar="NAME=NUMBER")
     arguments = parser.parse_args()
     robot = load_platform(arguments.platform)
@@ -115,7 +119,7 @@ def main() -> None:
     profile = replace(profile, limits=replace(profile.limits, **dict(arguments.limit)))
     policy = load_policy(arguments.policy)
     seeds = range(arguments.seed, arguments.seed + arguments.runs)
-    runs = [played(policy, profile, seed, arguments.others) for seed in seeds]
+    runs = [played(policy, profile, seed, arguments.others, arguments.late) for seed in seeds]
     mr, away, spread, pitch, dy, dh = (fmean(column) for column in zip(*runs, strict=True))
     each = " ".join(f"{run.mr:.2f}" for run in runs)
     print(
