@@ -199,13 +199,14 @@ def with_late(usual: Checkpoint, late: Checkpoint, path: Path) -> AdaTracker:
     return AdaTracker(usual.encoder, policy, dataclasses.replace(usual.meta, training=told))
 
 
-def usual_driver(policy: ContextPolicy) -> ContextPolicy:
-    """Return a policy without its driver for bodies that obey late; itself if it has none."""
+def one_driver(policy: ContextPolicy, *, late: bool = False) -> ContextPolicy:
+    """Return a policy with one of its two drivers alone, the usual or the `late`; itself if it has one."""
     if not policy.config.second_driver:
         return policy
     alone = ContextPolicy(dataclasses.replace(policy.config, second_driver=False))
-    kept = ((name.replace(".usual.", "."), value) for name, value in policy.state_dict().items())
-    alone.load_state_dict({name: value for name, value in kept if ".late." not in name})
+    kept, other = (".late.", ".usual.") if late else (".usual.", ".late.")
+    weights = ((name.replace(kept, "."), value) for name, value in policy.state_dict().items())
+    alone.load_state_dict({name: value for name, value in weights if other not in name})
     return alone.eval()
 
 

@@ -36,7 +36,7 @@ class Actor(nn.Module):
         return self.mean(x), self.log_std(x).clamp(-5.0, 2.0)
 
 
-_LATE_FROM_S, _LATE_WHOLLY_S = 1.2, 1.5
+_LATE_FROM_S, _LATE_WHOLLY_S = 1.35, 1.5
 """Delay and lag together, as the response has them, from which the second driver counts, and alone counts.
 
 In none of 16 tuning episodes of `field` was it told of 1.1 s, so there is one driver there; with 0.6 and 1 s,

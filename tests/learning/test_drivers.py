@@ -11,7 +11,7 @@ import torch
 
 from adatracker_deploy.cli import main
 from adatracker_deploy.learning.bundle_weights import networks_of
-from adatracker_deploy.learning.checkpoint import save_checkpoint, usual_driver
+from adatracker_deploy.learning.checkpoint import one_driver, save_checkpoint
 from adatracker_deploy.policy import belief, response
 from adatracker_deploy.policy.bundle import load_bundle
 from tests.learning import fresh
@@ -31,7 +31,7 @@ def of_two_drivers(tmp_path, late=None):
     return usual.policy, other.policy, ["export-onnx", *paths]
 
 
-@pytest.mark.parametrize(("late_s", "share"), [(0.4, 0.0), (1.15, 0.0), (1.35, 0.5), (1.55, 1.0), (1.6, 1.0)])
+@pytest.mark.parametrize(("late_s", "share"), [(0.4, 0.0), (1.3, 0.0), (1.425, 0.5), (1.55, 1.0), (1.6, 1.0)])
 def test_a_body_that_obeys_late_has_a_driver_of_its_own(tmp_path, late_s, share):
     usual, late, command = of_two_drivers(tmp_path)
     assert main(command) == 0
@@ -57,12 +57,12 @@ def test_a_body_that_obeys_late_has_a_driver_of_its_own(tmp_path, late_s, share)
         np.testing.assert_allclose(got, np.tanh((1 - share) * wanted[0] + share * wanted[1]), atol=1e-5)
 
 
-def test_training_begins_with_the_usual_driver_of_two(tmp_path):
+def test_training_begins_with_the_one_driver_of_two(tmp_path):
     usual, _, command = of_two_drivers(tmp_path)
     assert main(command) == 0
     found = networks_of(load_bundle(tmp_path / "two")).policy
     assert found.config.second_driver
-    alone = usual_driver(found)
+    alone = one_driver(found)
     assert alone.config == usual.config
     for name, value in usual.state_dict().items():
         assert "log_std" in name or torch.equal(alone.state_dict()[name], value)

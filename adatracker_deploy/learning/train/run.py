@@ -24,7 +24,7 @@ import torch
 
 from adatracker_deploy.core.errors import UsageError, line_of
 from adatracker_deploy.learning.bundle_weights import networks_of
-from adatracker_deploy.learning.checkpoint import ADATRACKER_MASK, usual_driver
+from adatracker_deploy.learning.checkpoint import ADATRACKER_MASK, one_driver
 from adatracker_deploy.learning.data.dataset import Dataset
 from adatracker_deploy.learning.data.recipe import load_mixture
 from adatracker_deploy.learning.episode_spec import RATE_HZ
@@ -119,7 +119,7 @@ def train(
     if snapshot is not None:
         _go_on(learner, snapshot, out)
     elif settings.init is not None:
-        _begin_with(learner.agent, settings.init)
+        _begin_with(learner.agent, settings.init, late=settings.late)
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -180,11 +180,11 @@ def _check_improves(settings: TrainSettings) -> None:
             raise UsageError(f"--variant {variant}: td3 leaves the encoder as it is, and has no labels")
 
 
-def _begin_with(agent: Agent, other: str) -> None:
+def _begin_with(agent: Agent, other: str, *, late: bool) -> None:
     """Take over the networks of another run's folder, or of a bundle.
 
     An agent that is told a belief or a response may begin with networks that are not: it ignores it at first.
-    Of a bundle with a driver for bodies that obey late, it takes the usual one.
+    Of a bundle with two drivers it takes the one for bodies that obey `late`, or the usual one.
 
     Raises:
         UsageError: there is neither, or its networks differ.
@@ -194,7 +194,7 @@ def _begin_with(agent: Agent, other: str) -> None:
         config, weights = found.settings.config(), found.learner["agent"]
     else:
         networks = networks_of(_bundle(other))
-        policy = usual_driver(networks.policy)
+        policy = one_driver(networks.policy, late=late)
         meta, config = networks.meta, policy.config
         if (meta.mask, meta.action, meta.rate_hz) != (ADATRACKER_MASK, ACTION, RATE_HZ):
             raise UsageError(
