@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import csv
 import os
 import signal
@@ -14,7 +15,7 @@ from torch import nn
 
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.learning.bundle_weights import networks_of
-from adatracker_deploy.learning.checkpoint import load_checkpoint, save_checkpoint, usual_driver
+from adatracker_deploy.learning.checkpoint import load_checkpoint, one_driver, save_checkpoint
 from adatracker_deploy.learning.data.collect import collect
 from adatracker_deploy.learning.data.recipe import load_recipe
 from adatracker_deploy.learning.export import export_checkpoint
@@ -136,11 +137,28 @@ def test_a_run_begins_with_the_weights_of_the_shipped_bundle(data, tmp_path):
     settings = replace(TINY, init="adatracker", rate=1e-7, updates=1, rounds=0, belief=True, response=True)
     begun = load_checkpoint(trained(settings, data, tmp_path / "on"))
     shipped = networks_of(find_bundle("adatracker"))
-    for ours, theirs in ((begun.policy, usual_driver(shipped.policy)), (begun.encoder, shipped.encoder)):
+    for ours, theirs in ((begun.policy, one_driver(shipped.policy)), (begun.encoder, shipped.encoder)):
         weights = ours.state_dict()
         for name, weight in theirs.state_dict().items():
             if ".log_std." not in name:  # not in a bundle
                 torch.testing.assert_close(weights[name], weight, rtol=1e-6, atol=2e-7)
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_td3_goes_on_from_the_driver_that_it_makes(data, tmp_path, late):
+    shipped = networks_of(find_bundle("adatracker"))
+    usual, other = one_driver(shipped.policy), copy.deepcopy(one_driver(shipped.policy))
+    with torch.no_grad():
+        for weight in [*other.memory.parameters(), *other.actor.parameters()]:
+            weight.mul_(0.99)  # the export writes equal weights once
+    for name, policy in (("usual", usual), ("late", other)):
+        save_checkpoint(tmp_path / f"{name}.pt", shipped.encoder, policy, shipped.meta)
+    export_checkpoint(tmp_path / "usual.pt", tmp_path / "two", late=[tmp_path / "late.pt"])
+    settings = replace(
+        METHODS["td3"], init=str(tmp_path / "two"), late=late, critic_updates=2, updates=1, rounds=0
+    )
+    begun = load_checkpoint(trained(settings, data, tmp_path / "on")).policy
+    torch.testing.assert_close(begun.actor.mean.bias, (usual, other)[late].actor.mean.bias)
 
 
 def test_told_a_belief_a_bundle_answers_as_before_until_it_has_learned_what_that_means(data, tmp_path):
