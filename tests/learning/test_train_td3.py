@@ -69,7 +69,7 @@ def distances(learner, sequences):
 
 @pytest.mark.parametrize(("late", "anchor"), [(False, td3._ANCHOR), (True, td3._ANCHOR_LATE)])
 def test_a_policy_goes_where_the_reward_is_until_that_gains_less_than_the_anchor_asks(data, late, anchor):
-    settings = replace(SETTINGS, updates=800, critic_updates=400, late=late)
+    settings = replace(SETTINGS, updates=1200, critic_updates=800, late=late)
     learner = a_learner(settings)
     assert learner.prepare(data, print)
     before = distances(learner, a_batch(data, 0))
