@@ -57,14 +57,15 @@ def test_a_body_that_obeys_late_has_a_driver_of_its_own(tmp_path, late_s, share)
         np.testing.assert_allclose(got, np.tanh((1 - share) * wanted[0] + share * wanted[1]), atol=1e-5)
 
 
-def test_training_begins_with_the_one_driver_of_two(tmp_path):
-    usual, _, command = of_two_drivers(tmp_path)
+@pytest.mark.parametrize("late", [False, True])
+def test_training_begins_with_one_driver_of_two(tmp_path, late):
+    *drivers, command = of_two_drivers(tmp_path)
     assert main(command) == 0
     found = networks_of(load_bundle(tmp_path / "two")).policy
     assert found.config.second_driver
-    alone = one_driver(found)
-    assert alone.config == usual.config
-    for name, value in usual.state_dict().items():
+    alone = one_driver(found, late=late)
+    assert alone.config == drivers[late].config
+    for name, value in drivers[late].state_dict().items():
         assert "log_std" in name or torch.equal(alone.state_dict()[name], value)
 
 
