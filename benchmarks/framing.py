@@ -3,33 +3,26 @@
 python benchmarks/framing.py [RUNS] [--platform NAME] [--profile NAME] [--policy NAME] [--others N] [--seed S]
                              [--late TICKS] [--limit NAME=NUMBER ...]
 
-Rehearsals' body, camera and gate, in the simple room, with true masks that are TICKS of 0.1 s old; a drone
-hovers at 2 m. Not in real time, so trials of a minute take seconds, and nothing but the limits differs
-between two calls. MR is as in `score`, by the true box; |dy| and |dh| are how far its middle is up or down
-from where it began, and its height from what it was, in fractions of the picture.
+Rehearsals' body, camera and gate, in the simple room, with true masks that are TICKS of 0.1 s old. Not in
+real time, so trials of a minute take seconds, and nothing but the limits differs between two calls. MR is as
+in `score`, by the true box; |dy| and |dh| are how far its middle is up or down from where it began, and its
+height from what it was, in fractions of the picture.
 """
 
 from __future__ import annotations
 
 import argparse
-import math
-from dataclasses import replace
 from statistics import fmean, pstdev
 from typing import NamedTuple
 
 from adatracker_deploy.config.profile import Profile
-from adatracker_deploy.core.messages import Box, ClassMask, Observation, PlatformState
-from adatracker_deploy.learning.embodiment import Hovering
 from adatracker_deploy.policy.base import Policy, to_twist
 from adatracker_deploy.policy.catalogue import load_policy
-from adatracker_deploy.registry import load_platform, load_profile, platform_names
-from adatracker_deploy.runtime.gate import GateState, Setpoint, judge
+from adatracker_deploy.registry import platform_names
 from adatracker_deploy.scoring.metrics import score_boxes
 from adatracker_deploy.sim import World
-from adatracker_deploy.sim.bodies import GroundBody
+from benchmarks.gated import RATE_HZ, GatedRobot, limit, limited
 
-RATE_HZ, SLOTS = 10, 5
-RADIUS_M, ALTITUDE_M = 0.3, 2.0
 SECONDS = 60
 
 
@@ -48,59 +41,27 @@ class Run(NamedTuple):
 
 def played(policy: Policy, profile: Profile, seed: int, others: int, late: int) -> Run:
     """Play one run of a minute under a profile's limits."""
-    limits = replace(
-        profile.limits, fence_radius_m=1000.0, altitude_m=None, switched_off=("battery", "position_jumped")
-    )
-    body = load_platform(profile.platform).body(profile)
-    if not isinstance(body, GroundBody):
-        body = Hovering(body, ALTITUDE_M)
     world = World("simple_room", seed=seed, others=others)
-    body.reset(world.start, seed)
+    robot = GatedRobot(profile, world, seed, late=late)
     policy.reset(seed)
-    fov_rad = math.radians(profile.sitl.camera.fov_deg)
-    state = GateState(armed_ns=0)
-    boxes: list[Box | None] = []
-    pictures: list[ClassMask] = []
     away, pitch = [], []
-    for tick in range(SECONDS * RATE_HZ):
-        pictures.append(world.render_mask(body.camera_pose, fov_rad, 48, 64))
-        boxes.append(Box.of_mask(pictures[-1]))
-        mask = pictures[max(0, tick - late)]
-        box = boxes[max(0, tick - late)]
-        now_ns = tick * 10**9 // RATE_HZ
-        seen = Observation(seq=tick, t_ns=now_ns, mask=mask, box=box, confidence=1.0 if box else 0.0)
-        setpoint = Setpoint(
-            to_twist(policy.act(seen).values, policy.info.action, limits),
-            now_ns,
-            target_share=box.area if box else None,
-            others_share=seen.others_share,
-        )
-        for slot in range(1, 1 + SLOTS):
-            at_ns = now_ns + slot * 10**9 // RATE_HZ // SLOTS
-            told = PlatformState(t_ns=at_ns, engaged=True, pose=body.pose, velocity=body.velocity)
-            state, verdict = judge(limits, state, setpoint, told, at_ns)
-            body.step(verdict.twist, 1 / RATE_HZ / SLOTS)
-            if isinstance(body, GroundBody):
-                body.place(world.grounded(body.pose, RADIUS_M))
-        world.step(1 / RATE_HZ, body.pose)
-        away.append(body.pose.distance_to(*world.target_xy))
-        pitch.append(body.camera_pose.pitch)
-    seen_boxes = [box for box in boxes if box]
-    first = seen_boxes[0]
+    for _ in range(SECONDS * RATE_HZ):
+        seen = robot.look()
+        robot.drive(to_twist(policy.act(seen).values, policy.info.action, robot.limits), seen)
+        away.append(robot.body.pose.distance_to(*world.target_xy))
+        pitch.append(robot.body.camera_pose.pitch)
+    boxes = [box for box in robot.boxes if box]
+    if not boxes:
+        raise SystemExit(f"seed {seed}: the target is in no picture")
+    first = boxes[0]
     return Run(
-        score_boxes(boxes).mr,
+        score_boxes(robot.boxes).mr,
         fmean(away),
         pstdev(away),
         pstdev(pitch),
-        fmean(abs(box.cy - first.cy) for box in seen_boxes),
-        fmean(abs(box.h - first.h) for box in seen_boxes),
+        fmean(abs(box.cy - first.cy) for box in boxes),
+        fmean(abs(box.h - first.h) for box in boxes),
     )
-
-
-def limit(text: str) -> tuple[str, float]:
-    """Return the name and the number of NAME=NUMBER."""
-    name, _, number = text.partition("=")
-    return name, float(number)
 
 
 def main() -> None:
@@ -114,9 +75,7 @@ def main() -> None:
     parser.add_argument("--late", type=int, default=0)
     parser.add_argument("--limit", type=limit, action="append", default=[], metavar="NAME=NUMBER")
     arguments = parser.parse_args()
-    robot = load_platform(arguments.platform)
-    profile = load_profile(arguments.profile or robot.default_profile, robot)
-    profile = replace(profile, limits=replace(profile.limits, **dict(arguments.limit)))
+    profile = limited(arguments.platform, arguments.profile, arguments.limit)
     policy = load_policy(arguments.policy)
     seeds = range(arguments.seed, arguments.seed + arguments.runs)
     runs = [played(policy, profile, seed, arguments.others, arguments.late) for seed in seeds]
