@@ -68,9 +68,9 @@ class Limits:
     """Largest share of the image that the masks of all other people may cover; beyond it forward motion is
     cut. 0.12 is one such person, about 1.25 m before a 90 degree lens."""
     headway_s: Annotated[float, Range(0.01, 5)] = 0.2
-    """Time headway to other people: forward speed is at most the room left to that distance, divided by this,
-    so that the robot stands before it is too close. About the body's lag and delay together; the fence allows
-    for the way of so long, too."""
+    """How late the body obeys, its lag and delay together. A stop takes speed times this and then
+    ``v^2 / (2 accel_m_s2)``: forward speed is at most that whose stop fits into the room left to other
+    people, and fence and altitude band allow for it."""
     passing_s: Annotated[float, Range(0.1, 10)] = 1.0
     """Forward motion stays cut, or as slow, for this long after other people were nearest: whoever has left
     the image that large is beside the robot."""

@@ -79,7 +79,8 @@ class StepRecord:
     """The newest observation was too old to act on, or the policy's answer to it: the policy asked for zero.
     Neither seen nor lost."""
     others_share: float | None = None
-    """The share of the image that other people cover, 0 to 1; absent while stale, and in older logs."""
+    """The share of the image that other people cover, as `covered` counts those whom it cuts off, 0 to 1;
+    absent while stale, and in older logs."""
     confidence: float
     """Perception's confidence in the target, 0 to 1."""
     action: tuple[float, ...]

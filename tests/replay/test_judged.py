@@ -43,14 +43,14 @@ def test_people_who_came_too_close_hold_the_robot_back_again():
     steps = [dataclasses.replace(step, others_share=0.2 if step.step == 10 else 0.0) for step in moving(40)]
     found = judged(steps)
     assert found.reasons()[Reason.TOO_CLOSE] == list(range(10, 21))  # a second at 10 Hz
-    assert judged(steps, largest_others=0.9).reasons().get(Reason.TOO_CLOSE) is None
+    assert judged(steps, switched_off=("too_close",)).reasons().get(Reason.TOO_CLOSE) is None
 
 
 def test_a_fence_is_laid_around_the_first_tick_and_stops_for_good():
     found = judged(moving(60), fence_radius_m=2.0)
     assert found.stop is Reason.GEOFENCE
-    # It stands at 0.1 m a tick, and braking from 1 m/s at 2 m/s^2 takes 0.25 m.
-    assert found.ticks[-1].step == 18
+    # It moves 0.1 m a tick, and a stop from 1 m/s, 0.2 s late and at 2 m/s^2, takes 0.45 m.
+    assert found.ticks[-1].step == 16
     assert found.ticks[-1].sent == Twist()
 
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from adatracker_deploy.core.geometry import Pose
-from adatracker_deploy.core.messages import Box, MaskClass
+from adatracker_deploy.core.messages import FILLED_M2, Box, MaskClass, covered
 from adatracker_deploy.sim import World, scene_names
 from adatracker_deploy.sim.camera import Camera, pixel_rays
 from adatracker_deploy.sim.caster import Rays
@@ -65,6 +65,19 @@ def test_a_person_appears_where_a_pinhole_puts_them(distance, height):
     # A head reaches 0.1 m, a foot 0.2 m nearer than the middle of the person.
     assert rows[0] == pytest.approx(head, abs=2.0 + focal * 0.1 * abs(HEIGHT_M - height) / distance**2)
     assert rows[-1] + 1 == pytest.approx(min(feet, size), abs=2.0 + focal * 0.2 * height / distance**2)
+
+
+@pytest.mark.parametrize("bearing_deg", [0, 25, -25])
+@pytest.mark.parametrize("distance", [1.2, 1.0, 0.8, 0.6])
+@pytest.mark.parametrize(
+    ("height", "pitch_deg"), [(1.8, 20.0), (0.35, -10.0), (0.6, 0.0)], ids=["drone", "quadruped", "wheeled"]
+)
+def test_who_is_cut_off_is_not_farther_away_than_they_are(height, pitch_deg, distance, bearing_deg):
+    bearing = math.radians(bearing_deg)
+    at = distance * math.cos(bearing), distance * math.sin(bearing)
+    target = (50.0, 0.0)
+    mask = camera(room(), target, at).mask(Pose(z=height, pitch=math.radians(pitch_deg)), RIGHT_ANGLE, 48, 64)
+    assert math.sqrt(FILLED_M2 / covered(mask)) < distance + 0.1
 
 
 def test_left_is_left_and_pitch_down_moves_things_up():

@@ -6,14 +6,11 @@ import math
 from dataclasses import dataclass, replace
 
 from adatracker_deploy.config.limits import Limits
-from adatracker_deploy.core.messages import PlatformState, Twist
+from adatracker_deploy.core.messages import FILLED_M2, PlatformState, Twist
+from adatracker_deploy.runtime.gate.braking import fastest_m_s
 from adatracker_deploy.runtime.gate.place import rest_height_m
 from adatracker_deploy.runtime.gate.reasons import Reason
 from adatracker_deploy.runtime.gate.state import GateState, Setpoint
-
-_FILLED_M2 = 0.19
-"""Share of the image that one person covers, times their squared distance: 0.12 at 1.25 m before a 90 degree
-lens. With a narrower lens people seem nearer than they are."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,6 +73,8 @@ def nearing(limits: Limits, state: GateState, setpoint: Setpoint, now_ns: int) -
     if setpoint.target_share is not None:
         state = replace(state, close=not setpoint.target_share <= limits.largest_target)
     if setpoint.others_share is not None:
+        seen_ns = setpoint.t_ns if setpoint.seen_ns is None else setpoint.seen_ns
+        state = replace(state, seen_ns=seen_ns)
         away_m = _away_m(setpoint.others_share)
         if away_m <= max(state.others_m, _away_m(limits.largest_others)) or _have_passed(
             limits, state, now_ns
@@ -86,7 +85,7 @@ def nearing(limits: Limits, state: GateState, setpoint: Setpoint, now_ns: int) -
 
 def _away_m(share: float) -> float:
     """Return about how far away a person is who covers this share of the image, m; 0 for not a number."""
-    return math.sqrt(_FILLED_M2 / share) if share > 0 else math.inf if share == 0 else 0.0
+    return math.sqrt(FILLED_M2 / share) if share > 0 else math.inf if share == 0 else 0.0
 
 
 def _have_passed(limits: Limits, state: GateState, now_ns: int) -> bool:
@@ -94,14 +93,15 @@ def _have_passed(limits: Limits, state: GateState, now_ns: int) -> bool:
 
 
 def _ahead_m_s(limits: Limits, state: GateState, now_ns: int) -> float:
-    """Return how fast the robot may go ahead for the target and others: none too near, and none before the
-    robot can stop (speed and separation monitoring, ISO/TS 15066)."""
+    """Return how fast the robot may go ahead for the target and others: none too near, and no faster than it
+    can stop within the room that a picture of this age showed (speed and separation monitoring, ISO/TS
+    15066)."""
     if state.close:
         return 0.0
     if _have_passed(limits, state, now_ns):
         return math.inf
     room_m = state.others_m - _away_m(limits.largest_others)
-    return 0.0 if room_m < 0 else room_m / limits.headway_s
+    return fastest_m_s(limits, room_m, max(now_ns - state.seen_ns, 0) / 1e9)
 
 
 def narrowed(

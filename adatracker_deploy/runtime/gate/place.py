@@ -1,8 +1,6 @@
 """Geofence and altitude band: where the robot is and where it would come to rest.
 
-Over the ground, the stopping distance is taken to be ``v^2 / (2 a)`` at the profile's acceleration limit, or
-``v`` times its headway where that is longer: a body that obeys late brakes less hard than its commands may.
-Upwards it is the first. A position of NaN is outside of everything.
+A position of NaN is outside of everything.
 """
 
 from __future__ import annotations
@@ -12,6 +10,7 @@ import math
 from adatracker_deploy.config.limits import Limits, encloses
 from adatracker_deploy.core.geometry import Pose
 from adatracker_deploy.core.messages import Twist
+from adatracker_deploy.runtime.gate.braking import stopping_s
 
 STRAY_M = 0.5
 """This far outside the altitude band, m, steering back is no longer trusted: a stop latches."""
@@ -26,8 +25,8 @@ def leaves_fence(limits: Limits, start: Pose, pose: Pose, velocity: Twist) -> bo
         pose: its current pose.
         velocity: in its body frame.
     """
-    braking_s = max(math.hypot(velocity.vx, velocity.vy) / (2 * limits.accel_m_s2), limits.headway_s)
-    forth, left = _turned(velocity.vx * braking_s, velocity.vy * braking_s, pose.yaw)
+    stop_s = stopping_s(limits, math.hypot(velocity.vx, velocity.vy))
+    forth, left = _turned(velocity.vx * stop_s, velocity.vy * stop_s, pose.yaw)
     x, y = _turned(pose.x + forth - start.x, pose.y + left - start.y, -start.yaw)
     if limits.fence_corners_m:
         return not encloses(limits.fence_corners_m, x, y)
@@ -36,7 +35,7 @@ def leaves_fence(limits: Limits, start: Pose, pose: Pose, velocity: Twist) -> bo
 
 def rest_height_m(limits: Limits, pose: Pose, velocity: Twist) -> float:
     """Return the height at which a vertical motion stopped now would end."""
-    return pose.z + velocity.vz * abs(velocity.vz) / (2 * limits.accel_m_s2)
+    return pose.z + velocity.vz * stopping_s(limits, abs(velocity.vz))
 
 
 def strays(band_m: tuple[float, float], height_m: float) -> bool:

@@ -37,7 +37,8 @@ class Setpoint:
     held_until_ns: int | None = None
     """When the dead-man button no longer counts as held; None where no such button limits the command."""
     others_share: float | None = None
-    """The share of the image that other people cover, 0 to 1; None where no image tells."""
+    """The share of the image that other people cover, as `covered` counts, 0 to 1; None where no image
+    tells."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +82,8 @@ class GateState:
     """How far away other people were when they were nearest of late, m; infinite where nobody was seen."""
     others_ns: int = 0
     """When that was."""
+    seen_ns: int = 0
+    """Capture time of the newest picture in which others were looked for; 0 before the first."""
     stop: Stop | None = None
     """The latched stop; None without one."""
 

@@ -62,15 +62,20 @@ class Gate:
         twist: Twist | None,
         dt_s: float = STEP_S,
         age_s: float = 0.0,
+        *,
         share: float | None = None,
         others: float | None = None,
+        seen_s: float | None = None,
         **robot,
     ) -> Verdict:
-        """Let `dt_s` pass, then ask for `twist` (None: nothing was ever asked), `age_s` old by then."""
+        """Let `dt_s` pass, then ask for `twist` (None: nothing was ever asked), `age_s` old by then, on the
+        ground of a picture `seen_s` old."""
         self.now_ns += round(dt_s * 1e9)
         setpoint = None
         if twist:
-            setpoint = Setpoint(twist, self.now_ns - round(age_s * 1e9), share, others_share=others)
+            t_ns = self.now_ns - round(age_s * 1e9)
+            seen_ns = None if seen_s is None else self.now_ns - round(seen_s * 1e9)
+            setpoint = Setpoint(twist, t_ns, share, seen_ns, others_share=others)
         state = replace(WELL, **{"t_ns": self.now_ns} | robot)
         self.state, verdict = judge(self.limits, self.state, setpoint, state, self.now_ns)
         return verdict

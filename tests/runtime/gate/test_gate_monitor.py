@@ -150,25 +150,25 @@ def test_a_polygon_stands_as_the_robot_stood(ahead, left, inside, yaw):
 @pytest.mark.parametrize(
     ("velocity", "yaw", "reach_m"),
     [
-        (Twist(2.0), 0.0, 1.0),  # 2 m/s and 2 m/s^2: a metre
-        (Twist(0.0, 2.0), -math.pi / 2, 1.0),
-        (Twist(-2.0), math.pi, 1.0),
+        (Twist(2.0), 0.0, 1.4),  # 2 m/s: 0.2 s late, then 2 m/s^2
+        (Twist(0.0, 2.0), -math.pi / 2, 1.4),
+        (Twist(-2.0), math.pi, 1.4),
         (Twist(2.0), math.pi / 2, 0.0),
-        (Twist(-2.0), 0.0, -1.0),
+        (Twist(-2.0), 0.0, -1.4),
     ],
 )
-def test_the_way_that_braking_needs_counts(velocity, yaw, reach_m):
+def test_the_way_that_a_stop_needs_counts(velocity, yaw, reach_m):
     for margin_m, stop in ((0.01, None), (-0.01, Stop(Reason.GEOFENCE))):
         gate = Gate(jumps=True)
         gate.ask(ZERO, pose=Pose(z=2.0))
-        aside = 0.0 if reach_m else math.sqrt(100.0 - (10.0 - 1.0) ** 2) - 1.0
+        aside = 0.0 if reach_m else math.sqrt(100.0 - (10.0 - 1.0) ** 2) - 1.4
         x = 9.0 if aside else 10.0 - reach_m
         gate.ask(ZERO, pose=Pose(x=x - margin_m, y=aside, z=2.0, yaw=yaw), velocity=velocity)
         assert gate.state.stop == stop
 
 
-@pytest.mark.parametrize(("headway_s", "reach_m"), [(0.2, 0.25), (0.25, 0.25), (0.6, 0.6)])
-def test_a_body_that_obeys_late_needs_its_headway(headway_s, reach_m):
+@pytest.mark.parametrize(("headway_s", "reach_m"), [(0.01, 0.26), (0.2, 0.45), (0.6, 0.85)])
+def test_a_body_that_obeys_late_goes_on_at_its_speed_for_so_long(headway_s, reach_m):
     for margin_m, stop in ((0.01, None), (-0.01, Stop(Reason.GEOFENCE))):
         gate = Gate(jumps=True, headway_s=headway_s)
         gate.ask(ZERO, pose=Pose(z=2.0))
@@ -179,9 +179,9 @@ def test_a_body_that_obeys_late_needs_its_headway(headway_s, reach_m):
 def test_where_no_velocity_is_measured_what_was_sent_counts():
     gate = Gate(jumps=True)
     gate.cruise(Twist(1.0), pose=Pose(z=2.0), velocity=None)
-    gate.ask(Twist(1.0), pose=Pose(x=9.74, z=2.0), velocity=None)
+    gate.ask(Twist(1.0), pose=Pose(x=9.54, z=2.0), velocity=None)
     assert gate.state.stop is None
-    gate.ask(Twist(1.0), pose=Pose(x=9.76, z=2.0), velocity=None)
+    gate.ask(Twist(1.0), pose=Pose(x=9.56, z=2.0), velocity=None)
     assert gate.state.stop == Stop(Reason.GEOFENCE)
 
 
