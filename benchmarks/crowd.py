@@ -8,7 +8,7 @@ obstacle-free laps of the simple room; what its gate sees of others is the true 
 gate is the real one, the body that of rehearsals: it goes on for a while after it was told to stop. A drone
 hovers at the height of heads.
 
-Three rows: without any distance; with the distance alone, as if the robot stood at once; and with the
+Three rows: without any distance; with the distance alone, as if the robot obeyed at once; and with the
 headway, which slows it down before. Near: the share of time within a metre of the distance to the target.
 """
 
