@@ -30,7 +30,7 @@ from adatracker_deploy.runtime.loop import Ending, Loop
 LIMITS = Limits(forward_m_s=2.0, backward_m_s=1.0, yaw_rate_rad_s=1.0, accel_m_s2=2.0, yaw_accel_rad_s2=4.0)
 BOX = Box(0.5, 0.5, 0.2, 0.6)
 MASK = np.zeros((4, 4), np.uint8)
-MASK[0, 0] = MaskClass.PERSON
+MASK[1, 1] = MaskClass.PERSON
 RGB = np.zeros((4, 4, 3), np.uint8)
 STEPS = 100
 FLYING = LinkStatus(Phase.ACTIVE, PlatformState(1, "OFFBOARD", True, False))

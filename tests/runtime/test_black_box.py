@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from adatracker_deploy.core.clock import MonotonicClock
-from adatracker_deploy.core.messages import PlatformState, Twist
+from adatracker_deploy.core.messages import ZERO, PlatformState, Twist
 from adatracker_deploy.runtime import black_box
 from adatracker_deploy.runtime.black_box import BlackBox, read_black_box
 from adatracker_deploy.runtime.gate import Setpoint
@@ -110,12 +110,14 @@ def test_it_outlives_a_link_that_is_killed(tmp_path):
 
 
 def test_a_folder_that_cannot_be_written_costs_the_record_alone(tmp_path):
-    with LinkProcess(FakePlatform, fake_profile(), MonotonicClock()) as link:
+    clock = MonotonicClock()
+    with LinkProcess(FakePlatform, fake_profile(), clock) as link:
         link.connect()
         link.record(tmp_path / "missing" / "box")
         link.engage()
         deadline_s = time.monotonic() + 30
         while link.status().phase is not Phase.ACTIVE:
             assert time.monotonic() < deadline_s
-            os.sched_yield()
+            link.send(Setpoint(ZERO, clock.now_ns()))  # or it stops, and may do so unseen
+            clock.sleep_until(clock.now_ns() + 5_000_000)
         assert any("no black box" in event.message for event in link.drain_events())
