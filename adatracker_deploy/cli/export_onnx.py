@@ -47,8 +47,8 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         nargs="+",
         default=[],
         metavar="CHECKPOINT",
-        help="what drives bodies that obey late, by delay and lag of more than 1.35 s together; of a run that "
-        "began with the other's, told the response",
+        help="what drives bodies that obey late, by delay and lag of more than 1.35 s together; of a run "
+        "that began with the other's, told the response",
     )
     parser.add_argument("--force", action="store_true", help="replace the bundle in DIR")
     parser.set_defaults(run=run)

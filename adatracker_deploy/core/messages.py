@@ -48,6 +48,8 @@ FILLED_M2 = 0.19
 lens. With a narrower lens people seem nearer than they are."""
 _BREADTH_M = 0.245
 """Breadth of one person in widths of the image, times their distance: 0.49 m before a 90 degree lens."""
+_RIM = 1 / 50
+"""Share of the image's height, above and below, that masks of whom it cuts off may leave free."""
 
 
 def covered(mask: ClassMask) -> float:
@@ -58,7 +60,8 @@ def covered(mask: ClassMask) -> float:
     """
     people = mask == MaskClass.PERSON
     share = float(people.mean())
-    cut_off = people[0] | people[-1]
+    rim = math.ceil(mask.shape[0] * _RIM)
+    cut_off = people[:rim].any(axis=0) | people[-rim:].any(axis=0)
     if not cut_off.any():
         return share
     # whoever stands in columns side by side is one

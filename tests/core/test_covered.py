@@ -32,6 +32,13 @@ def test_who_is_cut_off_covers_as_much_as_somebody_so_broad(top, bottom):
     assert covered(mask((top, bottom, 20, 36))) == pytest.approx(0.25**2 * 0.19 / 0.245**2)
 
 
+@pytest.mark.parametrize(("bottom", "cut_off"), [(118, True), (117, False)])
+def test_a_mask_may_miss_the_rim_by_a_fiftieth(bottom, cut_off):
+    drawn = np.zeros((120, 160), np.uint8)
+    drawn[80:bottom, 40:80] = MaskClass.PERSON
+    assert (covered(drawn) == (drawn > 0).mean()) != cut_off
+
+
 def test_who_is_cut_off_and_covers_more_covers_that():
     assert covered(mask((0, 48, 20, 24), (5, 40, 30, 60))) == (48 * 4 + 35 * 30) / (HEIGHT * WIDTH)
 
