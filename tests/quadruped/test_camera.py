@@ -251,6 +251,7 @@ def test_every_image_of_a_rehearsal_carries_its_own_truth(rehearsal):
     camera.go()
     places, seen = set(), set()
     while len(seen) < 40:
+        until(lambda: newest(camera).seq not in seen)
         frame = newest(camera)
         seen.add(frame.seq)
         places.add(frame.truth.target_xy)
