@@ -20,7 +20,7 @@ RADIUS_M = 0.3
 ALTITUDE_M = 1.7
 """Height at which a drone hovers: at that of heads. Rehearsals fly between 1.4 and 2.2 m."""
 OFF: tuple[Dispensable, ...] = ("battery", "position_jumped")
-"""What the gate of every such run does without: these bodies tell neither."""
+"""What the gate of such a run does without, beside what the profile switches off."""
 
 
 class GatedRobot:
