@@ -1,6 +1,6 @@
 """The eyes in rendered worlds, where the truth of every pixel is known, beside real footage.
 
-python benchmarks/eyes.py [--data DIR] [--scale] [--quality] [--masks] [--starts] [--seed S]
+python benchmarks/eyes.py [--data DIR] [--scale] [--quality] [--masks] [--starts] [--target RULE] [--seed S]
 
 DIR is `benchmarks/perception.py`'s. Without it there is no column of real footage.
 
@@ -9,8 +9,8 @@ DIR is `benchmarks/perception.py`'s. Without it there is no column of real foota
 * quality: recall by height in the picture, the score's distribution, and how the best box jitters about the
   true one: the standard deviation of its centre and of its height, shares of the true height.
 * masks: the IoU of what each mask head cuts out of the best box, in a mask of 160 px, rendered people alone.
-* starts: whom the shipped segmenter chooses where a trial begins, the target 2.5 m ahead and two others
-  about, with and without the witness that is asked about people in doubt.
+* starts: whom the shipped segmenter chooses where a trial begins, the target 2.5 m ahead, to within 10
+  degrees, and two others about; by a rule, with and without the witness that is asked about people in doubt.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ from adatracker_deploy.perception.models.nanodet import SCORE, NanoDet
 from adatracker_deploy.perception.models.pose import PoseMasks
 from adatracker_deploy.perception.models.selfie import SelfieMasks
 from adatracker_deploy.perception.roles import MaskHead
+from adatracker_deploy.perception.target.choice import Choice
 from adatracker_deploy.perception.target.first_sight import LEAST_SCORE
 from adatracker_deploy.perception.target_segmenter import TargetSegmenter
 from adatracker_deploy.perception.weights import shipped
@@ -49,6 +50,7 @@ MATCH = 0.5
 SIDES = (224, 288, 352, 416, 512, 640)
 BIN_PX = 15
 FOV_RAD = math.radians(90.0)
+AIMED_RAD = math.radians(10.0)
 HEIGHTS_M = (0.4, 1.0, 1.7, 3.0)
 START_HZ = 20.0
 
@@ -74,6 +76,7 @@ def main() -> None:
     parser.add_argument("--quality", action="store_true")
     parser.add_argument("--masks", action="store_true")
     parser.add_argument("--starts", action="store_true")
+    parser.add_argument("--target", type=Choice.read, default=Choice(), metavar="RULE", help="of starts")
     parser.add_argument("--people", type=int, default=400, metavar="N", help="pictures of each kind")
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
@@ -89,7 +92,7 @@ def main() -> None:
         if arguments.masks:
             print_masks(kinds["rendered"])
     if arguments.starts:
-        print_starts(arguments.people, arguments.seed)
+        print_starts(arguments.people, arguments.seed, arguments.target)
 
 
 def rendered(seed: int) -> Iterator[Shown]:
@@ -223,11 +226,11 @@ def print_masks(people: list[Shown]) -> None:
             )
 
 
-def print_starts(count: int, seed: int) -> None:
+def print_starts(count: int, seed: int, target: Choice) -> None:
     heads = PoseMasks(shipped("pose_landmark_lite.onnx"), SelfieMasks(shipped("selfie_segmentation.onnx")))
     detector = NanoDet(shipped("nanodet_g_int8.onnx"), ("person",), score=LEAST_SCORE)
     for witness in (None, heads):
-        segmenter = TargetSegmenter(detector, None, least_score=SCORE, witness=witness)
+        segmenter = TargetSegmenter(detector, None, target, least_score=SCORE, witness=witness)
         starts = [started(segmenter, seed * 10_000 + number, number) for number in range(count)]
         right, after_s = zip(*starts, strict=True)
         print(
@@ -243,7 +246,8 @@ def started(segmenter: TargetSegmenter, seed: int, number: int) -> tuple[bool | 
     eye = Eye(world, FOV_RAD, seed=seed)
     start, up = world.start, HEIGHTS_M[number % len(HEIGHTS_M)]
     pitch = max(0.0, math.atan2(up - 0.9, DESIRED_DISTANCE_M))
-    camera = Pose(start.x, start.y, start.z + up, pitch=pitch, yaw=start.yaw)
+    off = float(np.random.default_rng(seed).uniform(-AIMED_RAD, AIMED_RAD))
+    camera = Pose(start.x, start.y, start.z + up, pitch=pitch, yaw=start.yaw + off)
     segmenter.reset()
     for picture in range(round(FIRST_SIGHT_S * START_HZ)):
         t_ns = round(picture / START_HZ * 1e9)

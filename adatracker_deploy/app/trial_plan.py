@@ -36,7 +36,7 @@ class TrialPlan:
     """The camera's URI; empty for the profile's, or the simulator's own in a rehearsal."""
     segmenter: Segmenter
     segmenter_name: str
-    target: str = "largest"
+    target: str = "ahead"
     """How the segmenter chooses the target (`Choice.read`)."""
     sitl: bool
     dry_run: bool

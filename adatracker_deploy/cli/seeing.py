@@ -32,9 +32,10 @@ def add_segmenter_options(group: argparse._ActionsContainer, default: str) -> No
     group.add_argument(
         "--target",
         metavar="RULE",
-        default="largest",
-        help="the person to follow: largest, central, best, #N from the left, X,Y or LEFT,TOP,RIGHT,BOTTOM "
-        "in fractions of the picture, or click: whom you click on in the page (default: %(default)s)",
+        default="ahead",
+        help="the person to follow: ahead (whom the robot points at, the nearer the rather), largest, "
+        "central, best, #N from the left, X,Y or LEFT,TOP,RIGHT,BOTTOM in fractions of the picture, or "
+        "click: whom you click on in the page (default: %(default)s)",
     )
 
 

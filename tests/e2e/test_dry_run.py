@@ -74,7 +74,7 @@ def test_so_many_steps_and_no_more(dry_run):
         (("--sitl",), "--dry-run moves nothing, --sitl moves a simulated robot: give one of them"),
         (("--prompt", "person, unicorn"), "does not know the word 'unicorn'; it knows person, bicycle, car"),
         (("--prompt", "chair"), "expected words with 'person' among them"),
-        (("--target", "tallest"), "target 'tallest': expected largest, central, best, click, #N"),
+        (("--target", "tallest"), "target 'tallest': expected ahead, largest, central, best, click, #N"),
         (("--segmenter", "magic"), "segmenter 'magic': expected embedded, a model's .onnx"),
         (("--segmenter", "truth"), "--segmenter truth needs a virtual world"),
         (("--segmenter", "missing.onnx"), "missing.onnx"),

@@ -141,7 +141,7 @@ def film(*pictures, rate_hz=20):
 
 
 def watch(frames, segmenter=None):
-    segmenter = segmenter or TargetSegmenter(Colours(masks=True), None)
+    segmenter = segmenter or TargetSegmenter(Colours(masks=True), None, Choice.read("largest"))
     seen = []
     for frame in frames:
         seen.append(segmenter(frame))

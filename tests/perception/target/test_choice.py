@@ -31,6 +31,7 @@ def chosen(text, crowd=CROWD):
 @pytest.mark.parametrize(
     ("text", "place"),
     [
+        ("ahead", 0),
         ("largest", 1),
         ("central", 0),
         ("best", 2),
@@ -51,20 +52,31 @@ def test_a_rule_a_number_a_point_and_a_box_each_choose(text, place):
     assert chosen(text) == place
 
 
-def test_the_default_is_the_largest():
-    assert Choice()(*CROWD) == 1
+def test_the_default_is_whom_the_robot_points_at():
+    assert Choice() == Choice.read("ahead")
+
+
+AHEAD = (180, 60, 220, 150)
 
 
 @pytest.mark.parametrize(
-    ("aside", "place"),
+    ("other", "place"),
     [
-        ((20, 20, 100, 199), 0),  # larger, and beside whom the robot was pointed at
-        ((20, 20, 100, 180), 0),
-        ((10, 20, 130, 199), 1),  # much nearer
+        ((284, 25, 371, 171), 0),  # nearer, and aside: whoever passes
+        ((40, 0, 130, 199), 0),
+        ((192, 90, 206, 122), 0),  # far behind, and nearer to the middle
+        ((150, 0, 230, 199), 1),  # nearer, and ahead as well
     ],
 )
-def test_of_several_about_as_large_it_is_the_one_whom_the_robot_was_pointed_at(aside, place):
-    assert chosen("largest", people((170, 20, 240, 190), aside, (190, 60, 230, 120))) == place
+def test_of_people_near_and_far_it_is_the_one_whom_the_robot_points_at(other, place):
+    assert chosen("ahead", people(AHEAD, other)) == place
+
+
+@given(st.integers(0, 400), st.integers(0, 200))
+def test_nobody_smaller_and_farther_aside_is_whom_the_robot_points_at(left, height):
+    aside = (left, 100 - height / 2, left + 30, 100 + height / 2)
+    if abs(left + 15 - 200) > 15:
+        assert chosen("ahead", people((185, 0, 245, 200), aside)) == 0
 
 
 def test_of_two_whose_boxes_hold_the_point_it_is_the_one_whose_middle_is_nearer():
@@ -78,7 +90,7 @@ def test_the_middle_is_that_of_the_picture_in_fractions_of_both_sides():
     assert chosen("central", crowd) == 0
 
 
-@pytest.mark.parametrize("text", ["largest", "central", "best", "#1", "0.5,0.5", "0.2,0.1,0.9,0.9"])
+@pytest.mark.parametrize("text", ["ahead", "largest", "central", "best", "#1", "0.5,0.5", "0.2,0.1,0.9,0.9"])
 def test_where_nobody_is_nobody_is_chosen(text):
     assert chosen(text, people()) is None
     assert chosen(text, people((80, 20, 360, 180))) == 0
@@ -117,7 +129,7 @@ def test_where_nobody_is_nobody_is_chosen(text):
 def test_what_is_no_choice_is_refused_with_what_would_be(text):
     with pytest.raises(UsageError) as refused:
         Choice.read(text)
-    assert f"target {text!r}: expected largest, central, best, click, #N" in str(refused.value)
+    assert f"target {text!r}: expected ahead, largest, central, best, click, #N" in str(refused.value)
     assert len(str(refused.value).splitlines()) == 1
 
 
@@ -135,7 +147,7 @@ share = st.floats(0, 1)
 
 @given(
     st.lists(st.tuples(share, share, share, share, share), max_size=6),
-    st.sampled_from(["largest", "central", "best", "#1", "#3", "0.5,0.5", "0.2,0.2,0.8,0.8"]),
+    st.sampled_from(["ahead", "largest", "central", "best", "#1", "#3", "0.5,0.5", "0.2,0.2,0.8,0.8"]),
 )
 def test_whoever_is_chosen_is_in_sight(found, text):
     boxes = [(x * 390, y * 190, x * 390 + 1 + w * 9, y * 190 + 1 + h * 9) for x, y, w, h, _ in found]
