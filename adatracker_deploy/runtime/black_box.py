@@ -29,7 +29,8 @@ if TYPE_CHECKING:
 FILE_NAME = "black_box.bin"
 """Name in the trial's folder."""
 SECONDS = 30
-_SLOTS = round(SECONDS * RATE_HZ)
+_SLOTS = round(2 * SECONDS * RATE_HZ)
+"""The link steps twice a slot of its own at most."""
 _SLOT_BYTES = 1024
 _MAGIC = b"adatracker-deploy black box 1\n"
 _HEAD = struct.Struct("<QHI")

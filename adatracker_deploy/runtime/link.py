@@ -1,4 +1,4 @@
-"""The link: the sole owner of gate and platform, stepped at 50 Hz.
+"""The link: the sole owner of gate and platform, stepped at 50 Hz, and at once for a new set-point.
 
 It takes the newest set-point, judges it, sends it, and reports what it did. Without set-points it sends zero,
 then holds, then disengages; it never starts again by itself. `link_process` runs it in its own process; tests
@@ -158,7 +158,7 @@ class Link:
             )
 
     def step(self, now_ns: int) -> LinkStatus:
-        """Run one 50 Hz step at `now_ns`; return the new status."""
+        """Run one step at `now_ns`; return the new status."""
         driven = self.status.phase in _DRIVEN  # before the state is read: an older state says "not engaged"
         self._watch_machine()
         state, notices = self._platform.state(), self._platform.notices()

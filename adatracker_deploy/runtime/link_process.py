@@ -1,6 +1,7 @@
 """Runs the link in its own process, so that it outlives a tracker that hangs, stops or dies.
 
-Set-points and status pass through shared memory (latest only); requests, answers and events through a pipe.
+Set-points and status pass through shared memory (latest only); requests, answers and events through a pipe. A
+bell wakes the link for a set-point or a request, which would wait for its next slot otherwise.
 When the pipe closes, the tracker has died: the link then holds, disengages and exits.
 """
 
@@ -21,6 +22,7 @@ from typing import TYPE_CHECKING, Any, Self
 from adatracker_deploy.config.limits import Limits
 from adatracker_deploy.core.errors import PlatformError, UsageError, line_of
 from adatracker_deploy.platform import Check, Platform
+from adatracker_deploy.runtime.bell import Bell, Ear
 from adatracker_deploy.runtime.black_box import BlackBox
 from adatracker_deploy.runtime.gate import Setpoint
 from adatracker_deploy.runtime.link import RATE_HZ, Event, Link, LinkStatus, Phase
@@ -72,17 +74,20 @@ class LinkProcess:
         self._setpoints = Mailbox(setpoints, SETPOINT_BYTES)
         self._statuses = Mailbox(statuses, STATUS_BYTES)
         self._pipe, simulator = context.Pipe()
+        ear, bell = context.Pipe(duplex=False)
+        self._bell = Bell(bell)
         self._events: list[Event] = []
         self._connected = False
         self._pulse = Pulse()
         self._process = context.Process(
             target=_main,
-            args=(platform, profile, clock, scheduling, setpoints, statuses, simulator),
+            args=(platform, profile, clock, scheduling, setpoints, statuses, simulator, ear),
             name="link",
         )
         with _deaf_to_the_terminal():
             self._process.start()
         simulator.close()
+        ear.close()
 
     @property
     def pid(self) -> int:
@@ -118,6 +123,7 @@ class LinkProcess:
     def send(self, setpoint: Setpoint) -> None:
         """Publish a set-point; never blocks."""
         self._setpoints.write(pack_setpoint(setpoint))
+        self._bell.ring()
 
     def hold(self, reason: str) -> None:
         """Request a latched stop."""
@@ -166,6 +172,7 @@ class LinkProcess:
             self._process.kill()
             self._process.join()
         self._pipe.close()
+        self._bell.close()
 
     def _at_end(self) -> bool:
         """Return whether the link is done and is only closing its connection."""
@@ -183,6 +190,7 @@ class LinkProcess:
     def _ask(self, request: str, reason: str) -> None:
         with contextlib.suppress(OSError):  # `alive` reports a dead link; a request to it is not an error
             self._pipe.send((request, reason))
+        self._bell.ring()
 
     def _receive(self, timeout_s: float) -> tuple[str, Any] | None:
         try:
@@ -215,6 +223,7 @@ def _main(  # noqa: PLR0917 -- what a new process is given comes by position
     setpoints: Any,
     statuses: Any,
     pipe: Connection,
+    ear: Connection,
 ) -> None:
     os.setsid()  # Ctrl-C and Ctrl-Z in the tracker's terminal must not reach the link
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -246,7 +255,8 @@ def _main(  # noqa: PLR0917 -- what a new process is given comes by position
     watchdog = ServiceWatchdog()
     watchdog.begin()
     try:
-        _serve(link, Pacer(clock, RATE_HZ), pipe, watchdog, inbox=inbox, outbox=outbox, terminated=terminated)
+        slots = Slots(clock, Ear(ear))
+        _serve(link, slots, pipe, watchdog, inbox=inbox, outbox=outbox, terminated=terminated)
     finally:
         platform.close()
         watchdog.rest()
@@ -265,9 +275,27 @@ def wall_timeouts(limits: Limits, speed: float) -> Limits:
     )
 
 
+class Slots:
+    """When the link is stepped: 50 times a second, and once between two slots when the bell rings."""
+
+    def __init__(self, clock: Clock, ear: Ear) -> None:
+        self._clock, self._ear, self._pacer = clock, ear, Pacer(clock, RATE_HZ)
+        self._between = False
+
+    def wait(self) -> int:
+        """Wait for the next step; return the time, ns of the clock."""
+        left_s = (self._pacer.due_ns - self._clock.now_ns()) / 1e9 / self._clock.speed
+        self._between = not self._between and left_s > 0 and self._ear.heard(left_s)
+        if self._between:
+            return self._clock.now_ns()
+        now_ns = self._pacer.wait().t_ns
+        self._ear.heard(0.0)  # what has rung until now is seen to in this step
+        return now_ns
+
+
 def _serve(
     link: Link,
-    pacer: Pacer,
+    slots: Slots,
     pipe: Connection,
     watchdog: ServiceWatchdog,
     *,
@@ -288,7 +316,7 @@ def _serve(
             _tell(pipe, "event", event)
 
     while not (closing and link.status.phase is Phase.DONE):
-        tick = pacer.wait()
+        now_ns = slots.wait()
         try:
             while not closing and pipe.poll():
                 request, words = pipe.recv()
@@ -304,7 +332,7 @@ def _serve(
             closing = True
             link.disengage("terminated")
         try:
-            status = link.step(tick.t_ns)
+            status = link.step(now_ns)
         except Exception as error:  # whatever fails here, the robot must be brought to rest
             link.note("error", f"link: {type(error).__name__}: {line_of(error)}")
             link.disengage("link_fault")

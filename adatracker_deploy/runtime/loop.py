@@ -141,8 +141,8 @@ class Loop:
                 held_until_ns=hand.held_until_ns,
                 others_share=None if stale else seen.observation.others_share,
             )
-            self.link.send(setpoint)
             handed_ns = self.clock.now_ns()
+            self.link.send(setpoint)
             record = _record(
                 step=step,
                 tick=tick,

@@ -33,6 +33,11 @@ class Pacer:
         self.missed = 0
         """Slots skipped so far."""
 
+    @property
+    def due_ns(self) -> int:
+        """When the next slot begins."""
+        return self._start_ns + round((self._slot + 1) * self._period_ns)
+
     def shift(self, earlier_s: float) -> None:
         """Let this and all later slots begin sooner, by less than half a period; below 0 later."""
         self._start_ns -= round(earlier_s * 1e9)

@@ -29,7 +29,7 @@ class Handed(NamedTuple):
     """The record before the link has acted; its `t_ns` identifies the set-point."""
     seen: Seen
     handed_ns: int
-    """Time from which the link could read the set-point."""
+    """Time at which it was."""
 
 
 class Trace:
@@ -39,7 +39,7 @@ class Trace:
         self._waiting: deque[Handed] = deque()
 
     def hand_over(self, record: StepRecord, seen: Seen, handed_ns: int) -> None:
-        """Add a tick whose set-point the link can read from `handed_ns` on."""
+        """Add a tick whose set-point was handed over at `handed_ns`."""
         self._waiting.append(Handed(record, seen, handed_ns))
 
     def settled(self, status: LinkStatus | None, patience: int = PATIENCE_TICKS) -> list[Handed]:

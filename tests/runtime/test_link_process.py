@@ -15,6 +15,7 @@ import pytest
 from adatracker_deploy.core.clock import MonotonicClock
 from adatracker_deploy.core.errors import PlatformError
 from adatracker_deploy.core.messages import Twist
+from adatracker_deploy.runtime import link_process
 from adatracker_deploy.runtime.gate import Setpoint
 from adatracker_deploy.runtime.link import Phase
 from adatracker_deploy.runtime.link_process import LinkProcess
@@ -185,3 +186,24 @@ def test_a_link_that_still_connects_is_not_waited_for(clock):
     began_s = time.monotonic()
     link.close()
     assert time.monotonic() - began_s < TIMEOUT_S / 2
+
+
+class Seldom(FakePlatform):
+    """Its link has a slot in a quarter of an hour, but for what it is woken for."""
+
+    def connect(self):
+        link_process.RATE_HZ = 0.001
+        super().connect()
+
+
+@pytest.mark.parametrize(
+    "told",
+    [lambda link: link.send(Setpoint(Twist(vx=0.5), 1)), lambda link: link.engage()],
+    ids=["set-point", "request"],
+)
+def test_what_it_is_told_does_not_wait_for_its_next_slot(clock, told):
+    with LinkProcess(Seldom, fake_profile(), clock) as link:
+        link.connect()
+        first = eventually(lambda: link.status() if link.status().t_ns else None, "its first slot")
+        told(link)
+        eventually(lambda: link.status().t_ns > first.t_ns, "steps between two slots")
