@@ -36,7 +36,7 @@ def driver(profile, ending):
         text=True,
     )
     try:
-        assert process.stdout.readline() == "walking\n"
+        assert process.stdout.readline() == "walking\n", process.stderr.read()
         yield process
     finally:
         process.send_signal(signal.SIGCONT)
