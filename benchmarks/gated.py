@@ -63,7 +63,7 @@ class GatedRobot:
         setpoint = Setpoint(
             wanted,
             self.now_ns,
-            target_share=seen.box.area if seen.box else None,
+            target_share=seen.box.covered if seen.box else None,
             seen_ns=seen.t_ns,
             others_share=seen.others_share,
         )

@@ -62,8 +62,8 @@ class Limits:
     """Lowest and highest altitude of a flying robot above its take-off point; none for ground robots."""
     largest_target: Annotated[float, Range(0.01, 0.9)] = 0.3
     """Largest share of the image that the target's box may cover; beyond it the target is too close, and
-    forward motion is cut. 0.3 is a person 1.76 m tall and 0.49 m broad, about 0.8 m before a 90 degree
-    lens."""
+    forward motion is cut, before it to what a stop leaves room for. 0.3 is a person 1.76 m tall and 0.49 m
+    broad, about 0.8 m before a 90 degree lens."""
     largest_others: Annotated[float, Range(0.01, 0.9)] = 0.12
     """Largest share of the image that the masks of all other people may cover; beyond it forward motion is
     cut. 0.12 is one such person, about 1.25 m before a 90 degree lens."""

@@ -67,8 +67,12 @@ def covered(mask: ClassMask) -> float:
     # whoever stands in columns side by side is one
     edges = np.flatnonzero(np.diff(people.any(axis=0), prepend=False, append=False))
     broadest = max(right - left for left, right in edges.reshape(-1, 2) if cut_off[left:right].any())
-    near_m = _BREADTH_M * mask.shape[1] / broadest
-    return float(min(max(share, FILLED_M2 / near_m**2), 1.0))
+    return min(max(share, _so_broad(float(broadest) / mask.shape[1])), 1.0)
+
+
+def _so_broad(width: float) -> float:
+    """Return the share of the image that a person covers whole whose width is this share of the image's."""
+    return FILLED_M2 * (width / _BREADTH_M) ** 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,6 +143,12 @@ class Box:
     def area(self) -> float:
         """Return the share of the image that the box covers."""
         return self.w * self.h
+
+    @property
+    def covered(self) -> float:
+        """Return the share of the image that the person in the box covers, 0 to 1, as `covered` counts."""
+        cut_off = self.cy - self.h / 2 < _RIM or self.cy + self.h / 2 > 1.0 - _RIM
+        return min(max(self.area, _so_broad(self.w)), 1.0) if cut_off else self.area
 
     def iou(self, other: Box) -> float:
         """Return the intersection over union of two boxes, 0 to 1."""

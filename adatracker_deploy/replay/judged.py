@@ -79,7 +79,7 @@ def judge_again(steps: Sequence[StepRecord], limits: Limits) -> Judgement:
     state = GateState(armed_ns=steps[0].t_ns - SLOT_NS)
     ticks: list[Judged] = []
     for step, end_ns in zip(steps, ends, strict=True):
-        share = step.box.area if step.box else None
+        share = step.box.covered if step.box else None
         setpoint = Setpoint(step.command, step.t_ns, share, *_limited_by(step), step.others_share)
         robot = _robot(step)
         sent = ZERO

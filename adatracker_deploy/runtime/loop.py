@@ -136,7 +136,7 @@ class Loop:
             setpoint = Setpoint(
                 command,
                 tick.t_ns,
-                target_share=box.area if box else None,
+                target_share=box.covered if box else None,
                 seen_ns=seen_ns,
                 held_until_ns=hand.held_until_ns,
                 others_share=None if stale else seen.observation.others_share,

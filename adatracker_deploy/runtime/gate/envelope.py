@@ -67,14 +67,14 @@ def ramped(limits: Limits, state: GateState, now_ns: int) -> float:
 
 
 def nearing(limits: Limits, state: GateState, setpoint: Setpoint, now_ns: int) -> GateState:
-    """Return the state with who is too close: the target, while it is not seen as it was last; others."""
+    """Return the state with how near people are: the target, while it is not seen as it was last; others."""
     if Reason.TOO_CLOSE in limits.switched_off:
         return state
+    if setpoint.target_share is not None or setpoint.others_share is not None:
+        state = replace(state, seen_ns=setpoint.t_ns if setpoint.seen_ns is None else setpoint.seen_ns)
     if setpoint.target_share is not None:
-        state = replace(state, close=not setpoint.target_share <= limits.largest_target)
+        state = replace(state, target_m=_away_m(setpoint.target_share))
     if setpoint.others_share is not None:
-        seen_ns = setpoint.t_ns if setpoint.seen_ns is None else setpoint.seen_ns
-        state = replace(state, seen_ns=seen_ns)
         away_m = _away_m(setpoint.others_share)
         if away_m <= max(state.others_m, _away_m(limits.largest_others)) or _have_passed(
             limits, state, now_ns
@@ -95,13 +95,12 @@ def _have_passed(limits: Limits, state: GateState, now_ns: int) -> bool:
 def _ahead_m_s(limits: Limits, state: GateState, now_ns: int) -> float:
     """Return how fast the robot may go ahead for the target and others: none too near, and no faster than it
     can stop within the room that a picture of this age showed (speed and separation monitoring, ISO/TS
-    15066)."""
-    if state.close:
-        return 0.0
-    if _have_passed(limits, state, now_ns):
-        return math.inf
-    room_m = state.others_m - _away_m(limits.largest_others)
-    return fastest_m_s(limits, room_m, max(now_ns - state.seen_ns, 0) / 1e9)
+    15066). Where there are no more pictures, only a hand drives on, by its own eyes."""
+    room_m = state.target_m - _away_m(limits.largest_target)
+    if not _have_passed(limits, state, now_ns):
+        room_m = min(room_m, state.others_m - _away_m(limits.largest_others))
+    age_s = max(now_ns - state.seen_ns, 0) / 1e9
+    return fastest_m_s(limits, room_m, min(age_s, limits.sight_timeout_s))
 
 
 def narrowed(

@@ -31,7 +31,8 @@ class Setpoint:
     twist: Twist
     t_ns: int
     target_share: float | None = None
-    """The share of the image that the target's box covers, 0 to 1; None while it is not seen."""
+    """The share of the image that the target covers, as `Box.covered` counts, 0 to 1; None while it is not
+    seen."""
     seen_ns: int | None = None
     """Capture time of the frame it is based on; None for a command not based on a frame."""
     held_until_ns: int | None = None
@@ -76,14 +77,14 @@ class GateState:
     """Time of the robot's newest measurement."""
     battery_told: bool = False
     """The robot has reported its battery charge."""
-    close: bool = False
-    """The target was too close when it was last seen."""
+    target_m: float = math.inf
+    """How far away the target was when it was last seen, m; infinite before."""
     others_m: float = math.inf
     """How far away other people were when they were nearest of late, m; infinite where nobody was seen."""
     others_ns: int = 0
     """When that was."""
     seen_ns: int = 0
-    """Capture time of the newest picture in which others were looked for; 0 before the first."""
+    """Capture time of the newest picture in which people were looked for; 0 before the first."""
     stop: Stop | None = None
     """The latched stop; None without one."""
 

@@ -1,11 +1,26 @@
-"""Among people who walk about, the gate keeps a robot from driving into whom its camera shows."""
+"""Before its target and among others, the gate keeps a robot from driving into whom its camera shows."""
 
 from __future__ import annotations
 
 import pytest
 
+from adatracker_deploy.core.messages import Twist
+from adatracker_deploy.registry import load_profile, profile_names
+from adatracker_deploy.sim import World
 from benchmarks.crowd import kept_apart, played
-from benchmarks.gated import limited
+from benchmarks.gated import RATE_HZ, GatedRobot, limited
+
+
+@pytest.mark.parametrize("profile", profile_names())
+def test_no_robot_that_is_told_to_go_ahead_runs_into_a_target_who_stands_still(profile):
+    world = World("simple_room", seed=1, path="still", obstacles=False)
+    robot = GatedRobot(load_profile(profile), world, seed=1, late=1)
+    began_m = robot.body.pose.distance_to(*world.target_xy)
+    for _ in range(8 * RATE_HZ):
+        yaw_rate = 2.0 * robot.body.pose.bearing_to(*world.target_xy)
+        robot.drive(Twist(vx=robot.limits.forward_m_s, yaw_rate=yaw_rate), robot.look())
+        assert not robot.collided
+    assert robot.body.pose.distance_to(*world.target_xy) < began_m - 1.0
 
 
 @pytest.mark.parametrize("robot", ["wheeled", "quadruped"])

@@ -50,7 +50,7 @@ def test_a_fresh_command_made_from_what_was_seen_long_ago_or_not_yet_is_zero_at_
     now_ns = gate.now_ns + round(STEP_S * 1e9)
     robot = replace(WELL, t_ns=now_ns)
     seen_ns = None if seen_s is None else now_ns - round(seen_s * 1e9)
-    _, verdict = judge(gate.limits, gate.state, Setpoint(GO, now_ns, 0.1, seen_ns), robot, now_ns)
+    _, verdict = judge(gate.limits, gate.state, Setpoint(GO, now_ns, 0.05, seen_ns), robot, now_ns)
     assert (verdict.twist, verdict.reasons) == (ZERO if reasons else GO, reasons)
     assert verdict.stage is (Stage.ZERO if reasons else Stage.OBEY)
 
@@ -176,7 +176,7 @@ def test_a_stop_is_told_by_what_the_robot_said_or_by_its_name():
 def test_an_engagement_remembers_nothing_of_the_one_before():
     fresh = GateState(armed_ns=START_NS)
     state, verdict = judge(Gate().limits, fresh, Setpoint(ZERO, START_NS), WELL, START_NS)
-    assert (state.last, state.rate, state.close, state.stop) == (ZERO, ZERO, False, None)
+    assert (state.last, state.rate, state.target_m, state.stop) == (ZERO, ZERO, math.inf, None)
     assert state.moving_ns is None
     assert verdict.stage is Stage.OBEY
 

@@ -9,7 +9,7 @@ import pytest
 from gate_rig import LIMITS, START_NS, STEP_S, Gate
 
 from adatracker_deploy.core.geometry import Pose
-from adatracker_deploy.core.messages import ZERO, Twist
+from adatracker_deploy.core.messages import FILLED_M2, ZERO, Twist
 from adatracker_deploy.runtime.gate import GateState, Reason, Stage
 from adatracker_deploy.runtime.gate.envelope import Envelope, ramped
 
@@ -87,7 +87,7 @@ def test_without_the_ramp_only_acceleration_and_jerk_hold_back():
 
 def test_a_target_that_is_too_close_stops_forward_motion_at_once_and_nothing_else():
     gate = Gate()
-    assert gate.cruise(Twist(1.0, 0.1, 0.1, 0.5), share=0.3).twist.vx == 1.0
+    assert gate.cruise(Twist(1.0, 0.1, 0.1, 0.5), share=0.05).twist.vx == 1.0
     verdict = gate.ask(Twist(1.0, 0.1, 0.1, 0.5), share=0.301)
     assert verdict.twist == Twist(0.0, 0.1, 0.1, 0.5)
     assert (verdict.stage, verdict.reasons[0]) == (Stage.OBEY, Reason.TOO_CLOSE)
@@ -119,8 +119,16 @@ def test_a_target_that_was_too_close_and_is_not_seen_is_still_too_close():
     gate = Gate()
     gate.cruise(Twist(1.0), share=0.5)
     assert gate.cruise(Twist(1.0)).twist.vx == 0.0
-    assert gate.cruise(Twist(1.0), share=0.2).twist.vx == 1.0
+    assert gate.cruise(Twist(1.0), share=0.05).twist.vx == 1.0
     assert gate.cruise(Twist(1.0)).twist.vx == 1.0
+
+
+@pytest.mark.parametrize(("room_m", "vx"), [(0.0, 0.0), (0.25, 0.41), (0.45, 0.67), (0.85, 1.0)])
+def test_before_the_target_the_robot_is_as_slow_as_it_must_be_to_stop_in_time(room_m, vx):
+    gate, nearest_m = Gate(headway_s=0.5), math.sqrt(FILLED_M2 / LIMITS.largest_target)
+    share = FILLED_M2 / (nearest_m + room_m) ** 2
+    assert gate.cruise(Twist(1.0), share=share).twist.vx == pytest.approx(vx, abs=0.02)
+    assert gate.cruise(Twist(1.0), others=0.0).twist.vx == pytest.approx(vx, abs=0.02)  # not in the picture
 
 
 def test_other_people_who_are_too_close_stop_forward_motion_as_the_target_does():
