@@ -29,7 +29,7 @@ class Handed(NamedTuple):
     """The record before the link has acted; its `t_ns` identifies the set-point."""
     seen: Seen
     handed_ns: int
-    """Time at which it was."""
+    """Time at which it was handed over."""
 
 
 class Trace:

@@ -25,9 +25,8 @@ _LEAST_OVERLAP = 0.3
 _AIM = 0.15
 """Standard deviation of where the target is beside the middle, widths of the picture: 17 degrees of 90.
 
-A box counts by the root of its area, and so by how near they are, times the normal density of its place. Of
-4,497 simulated starts among two other people, the robot aimed to within 10 degrees, 0.1 % begin with somebody
-else, and 1.9 % by the largest box, 2.2 % by the most central one. From 0.1 to 0.25, all do about as well."""
+A box counts by the root of its area, and so by how near they are, times the normal density of its place
+(`benchmarks/eyes.py --starts`). From 0.1 to 0.25, all do about as well."""
 
 
 @dataclass(frozen=True, slots=True)

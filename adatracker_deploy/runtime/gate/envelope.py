@@ -95,12 +95,15 @@ def _have_passed(limits: Limits, state: GateState, now_ns: int) -> bool:
 def _ahead_m_s(limits: Limits, state: GateState, now_ns: int) -> float:
     """Return how fast the robot may go ahead for the target and others: none too near, and no faster than it
     can stop within the room that a picture of this age showed (speed and separation monitoring, ISO/TS
-    15066). Where there are no more pictures, only a hand drives on, by its own eyes."""
-    room_m = state.target_m - _away_m(limits.largest_target)
-    if not _have_passed(limits, state, now_ns):
-        room_m = min(room_m, state.others_m - _away_m(limits.largest_others))
+    15066). Where there are no more pictures, only a hand drives on, by its own eyes, so the target does not
+    slow it down more and more."""
     age_s = max(now_ns - state.seen_ns, 0) / 1e9
-    return fastest_m_s(limits, room_m, min(age_s, limits.sight_timeout_s))
+    room_m = state.target_m - _away_m(limits.largest_target)
+    fastest = fastest_m_s(limits, room_m, min(age_s, limits.sight_timeout_s))
+    if _have_passed(limits, state, now_ns):
+        return fastest
+    room_m = state.others_m - _away_m(limits.largest_others)
+    return min(fastest, fastest_m_s(limits, room_m, age_s))
 
 
 def narrowed(

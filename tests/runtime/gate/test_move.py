@@ -167,6 +167,13 @@ def test_the_robot_has_gone_on_since_the_picture_was_taken(seen_s, vx):
     assert sent.vx == pytest.approx(vx, abs=0.01)
 
 
+def test_others_count_the_whole_age_of_the_last_picture():
+    gate = Gate(headway_s=0.5)
+    gate.cruise(Twist(1.0), others=0.12 * (1.25 / 1.5) ** 2)
+    speeds = [gate.ask(Twist(1.0)).twist.vx for _ in range(40)]  # a hand, and no more pictures
+    assert speeds[-1] == pytest.approx(0.19, abs=0.01)
+
+
 def test_it_stays_slow_for_a_second_after_they_were_as_near():
     gate = Gate(headway_s=0.5)
     slow = gate.cruise(Twist(1.0), others=0.12 * (1.25 / 1.5) ** 2).twist.vx
