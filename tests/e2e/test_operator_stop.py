@@ -103,6 +103,7 @@ def test_a_trial_that_does_not_answer_is_killed(trial, capsys):
     frozen = trial()
     link = next(pid for pid in children(frozen.pid) if name(pid) == "adatracker-link")
     os.kill(frozen.pid, signal.SIGSTOP)
+    os.waitpid(frozen.pid, os.WUNTRACED)  # else, busy, it may take SIGTERM before it stands still
     status, lines = stop(capsys)
     assert (status, len(lines)) == (0, 2)
     assert "did not answer and was killed: its link stops the robot" in lines[0]
