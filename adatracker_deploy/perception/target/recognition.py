@@ -70,6 +70,9 @@ _BEFORE, _BEFORE_S, _WHERE = 1.12, 0.5, 0.3
 which they may have been missed; and its least IoU with where they are expected. Of 2,424 rendered crossings,
 half of them with somebody in the target's own body and clothes, 17 end on somebody else with this rule and
 21 without."""
+_CHANGED = 0.3
+"""Rise of somebody's similarity to the target over the one beside it from which on their track is not on who
+it was on: they crossed, and tracks are swapped when people cross."""
 _SMOOTHING_HEIGHT, _ANEW_S = 0.3, 1.0
 """Share of a new height in the target's known one, and the time since it last stood free after which that
 begins anew: half hidden it is lower, and with somebody in its box taller."""
@@ -222,13 +225,18 @@ class Other:
         return replace(self, outdid=self.outdid + 1 if margin > _MARGIN else 0)
 
     def may_be(self, alike: float, target: Target) -> bool:
-        """Return whether they may be it: they did not hide it, are not much nearer, and look more like
-        it than beside it."""
-        if self.hides and target.person.unseen_s <= _HIDDEN_S:
+        """Return whether they may be it: they did not hide it, or have changed since; are not much nearer;
+        and look more like it than beside it."""
+        if self.hides and target.person.unseen_s <= _HIDDEN_S and not self._has_changed(alike):
             return False
         if not self.late and target.is_farther_than(self.person):
             return False
         return self.alike_beside is None or alike > self.alike_beside + _MARGIN_BEFORE
+
+    def _has_changed(self, alike: float) -> bool:
+        """Return whether they look so much more like it than beside it that tracks were swapped."""
+        changed = self.alike_beside is not None and alike > self.alike_beside + _CHANGED
+        return changed and self.agreed >= _CONFIRM
 
 
 def is_elsewhere(

@@ -46,23 +46,32 @@ def test_who_steps_before_the_target_is_not_taken_for_it_and_it_is_found_when_th
     assert followed(said)[-1] == 0
 
 
-def test_a_target_that_goes_on_under_the_track_of_whom_it_crossed_is_taken_back_after_a_while():
-    """Tracks are swapped when two cross: what seems to have hidden the target is the target."""
+@pytest.mark.parametrize(("beside", "back", "soon"), [(1.0, 0.0, True), (0.64, 0.25, False)])
+def test_a_target_that_goes_on_under_the_track_of_whom_it_crossed_is_taken_back(beside, back, soon):
+    """Tracks are swapped when two cross: what seems to have hidden the target is the target. If they looked
+    much less like it beside it, that is plain, and nobody who comes later is taken for it; else only after a
+    while."""
 
     def at(*lefts):
         return np.array([(left, 20, left + 40, 120) for left in lefts], np.float32)
 
-    own, stranger = looking([0]), looking([2])
-    both = np.concatenate((own, stranger))
+    stranger = mixture(beside)
+    both = np.concatenate((looking([0]), stranger))
     pictures = [
         *[(at(100, 170), both)] * 15,
         *[(at(100, left), both) for left in range(170, 114, -5)],
         *[(at(115), stranger)] * 25,
-        *[(at(115), mixture(share)) for share in np.linspace(1, 0, 60)],
-        *[(at(115), own)] * 80,
+        *[(at(115), mixture(share)) for share in np.linspace(beside, back, 15)],
+        *[(at(115), mixture(back))] * 100,
     ]
-    said = answers((at(100), own), pictures)
-    assert said[120][0] is LOST
+    alike = len(pictures) - 100
+    if soon:
+        later = np.concatenate((mixture(back), mixture(0.4)))
+        pictures[alike + 10 :] = [(at(115, 300), later)] * 90
+    said = answers((at(100), looking([0])), pictures)
+    assert said[alike - 15][0] is LOST
+    assert (said[alike + 10] == (TRACKED, 0)) is soon
+    assert 1 not in [place for _, place in said]
     assert said[-1] == (TRACKED, 0)
 
 
