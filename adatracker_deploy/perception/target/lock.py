@@ -49,7 +49,10 @@ _NEW_SCORE = 0.45
 _SAME, _NESTED = 0.5, 0.85
 """IoU with the target's box, and share of the smaller one within the other, from which on an unmatched box is
 a second one on the target and starts no track, which would take the target's next box for its own."""
-_LEAST_ALIKE, _LEAST_ALIKE_OTHERS = 0.5, 0.4
+_LEAST_ALIKE, _LEAST_ALIKE_AGAIN, _LEAST_ALIKE_OTHERS = 0.5, 0.6, 0.4
+"""Likeness below which a box is not the target's; not its when it was missed for longer than `BRIDGED_S`; and
+not another person's. The second leaves three instead of five of 228 people of jittered street footage on
+somebody else."""
 _LEARN = 0.1
 """Share of another person's new appearance blended into the known one."""
 
@@ -228,7 +231,8 @@ def _places(
     first = 0 if target is None else 1
     people = [*(() if target is None else (target.person,)), *(other.person for other in others)]
     rows = [*(() if target is None else (alike,)), *(person.alike(looks) for person in people[first:])]
-    least = [_LEAST_ALIKE] * first + [_LEAST_ALIKE_OTHERS] * len(others)
+    gone = target is not None and target.person.unseen_s > BRIDGED_S
+    least = [_LEAST_ALIKE_AGAIN if gone else _LEAST_ALIKE] * first + [_LEAST_ALIKE_OTHERS] * len(others)
     cut = np.array([is_cut(look) for look in looks], bool)
     shares = np.array(rows).reshape(len(people), len(boxes))
     owner, fit = assigned(people, boxes.astype(np.float64), shares, least, cut)

@@ -188,3 +188,14 @@ def test_of_two_who_come_and_look_the_same_neither_is_taken():
         Walker("red", steady(250), here=lambda t_s: t_s >= 4),
     ]
     assert states(follow(walkers, 10))[-1] is LOST
+
+
+@pytest.mark.parametrize(("missed", "place"), [(4, 0), (10, None)])
+def test_the_longer_a_target_was_missed_the_more_a_box_in_its_place_must_look_like_it(missed, place):
+    """Pictures of 50 ms; after half a second somebody else may stand there."""
+    here, nowhere = np.array([(100, 20, 140, 120)], np.float32), np.empty((0, 4), np.float32)
+    own, hardly = looking([0]), mixture(0.7)
+    pictures = [*[(here, own)] * 20, *[(nowhere, own[:0])] * missed, (here, hardly), (here, own)]
+    said = answers((here, own), pictures)
+    assert said[-2][1] == place
+    assert said[-1] == (TRACKED, 0)
