@@ -49,7 +49,7 @@ def make_frames(size, *, with_truth) -> list[Frame]:
     width, height = size
     rng = np.random.default_rng(0)
     mask = cv2.resize(rng.integers(0, 4, (12, 12), np.uint8), size, interpolation=cv2.INTER_NEAREST)
-    truth = Truth(mask, Pose(), Pose(), (1.0, 0.0), 1.0, 0.0, collided=False) if with_truth else None
+    truth = Truth(mask, Pose(), Pose(), (1.0, 0.0), 1.0, 0.0) if with_truth else None
     frames = []
     for number in range(PICTURES):
         coarse = rng.integers(0, 256, (height // 10, width // 10, 3), np.uint8)

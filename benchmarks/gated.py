@@ -80,7 +80,7 @@ class GatedRobot:
     def collided(self) -> bool:
         """The robot touches an obstacle, a wall or a person."""
         pose = self.body.pose
-        return self._world.collides(pose.x, pose.y, pose.z, RADIUS_M)
+        return self._world.contact(pose.x, pose.y, pose.z, RADIUS_M) is not None
 
 
 def limit(text: str) -> tuple[str, float]:

@@ -206,7 +206,7 @@ class Rehearsal:
     def _film(self):
         mask = np.zeros((48, 64), np.uint8)
         mask[10:40, 5:20] = 1
-        truth = Truth(mask, Pose(), Pose(), (0.0, 0.0), 2.0, 0.5, collided=False)
+        truth = Truth(mask, Pose(), Pose(), (0.0, 0.0), 2.0, 0.5)
         number = 0
         while not self._ending.wait(0.02):
             number += 1

@@ -9,7 +9,7 @@ from __future__ import annotations
 import enum
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,6 +75,10 @@ def _so_broad(width: float) -> float:
     return FILLED_M2 * (width / _BREADTH_M) ** 2
 
 
+Contact = Literal["an obstacle", "the target", "another person", "something"]
+"""What a robot may touch in a simulated world."""
+
+
 @dataclass(frozen=True, slots=True)
 class Truth:
     """Ground truth, known only to a simulated camera; policies never see it."""
@@ -87,8 +91,8 @@ class Truth:
     """Horizontal distance from the robot to the target, m."""
     bearing_rad: float
     """Bearing of the target from the robot's heading, rad, positive to the left."""
-    collided: bool
-    """The robot touches an obstacle or a person in this frame."""
+    contact: Contact | None = None
+    """What the robot touches in this frame; `something` where the world does not tell."""
     in_view: bool = True
     """The target is in the picture, or would be if nothing hid it."""
 

@@ -144,7 +144,7 @@ class TrackingEnv(gymnasium.Env[Observed, NDArray[np.float32]]):
         return {
             "distance_m": truth.distance_m,
             "bearing_rad": truth.bearing_rad,
-            "collided": truth.collided,
+            "collided": truth.contact is not None,
             "visible": visible,
             "dropped": dropped,
             "height_m": body.height_m,

@@ -13,7 +13,7 @@ from adatracker_deploy.config.schema import parse
 from adatracker_deploy.core.errors import UsageError
 from adatracker_deploy.core.geometry import Pose
 from adatracker_deploy.core.mask_png import decode_mask, encode_mask
-from adatracker_deploy.core.messages import MaskClass, Truth
+from adatracker_deploy.core.messages import Contact, MaskClass, Truth
 
 _LENGTH = struct.Struct("<I")
 _LARGEST_BYTES = 1 << 20
@@ -26,7 +26,7 @@ class _Header:
     target_xy: tuple[float, float]
     distance_m: float
     bearing_rad: float
-    collided: bool
+    contact: Contact | None
     in_view: bool
 
 

@@ -264,8 +264,8 @@ def _result(unseen: Unseen, seen: Seen) -> Ending | None:
     """Say how the trial has ended by the task's own rules; None while it goes on."""
     if unseen.steps >= MAX_LOST_STEPS:
         return Ending("lost", str(unseen))
-    if seen.frame.truth is not None and seen.frame.truth.collided:
-        return Ending("collision", "the robot touched an obstacle or a person")
+    if seen.frame.truth is not None and seen.frame.truth.contact is not None:
+        return Ending("collision", f"the robot touched {seen.frame.truth.contact}")
     return None
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from adatracker_deploy.core.geometry import Pose
-    from adatracker_deploy.core.messages import ClassMask
+    from adatracker_deploy.core.messages import ClassMask, Contact
 
 Point = tuple[float, float, float]
 
@@ -65,7 +65,7 @@ def truth_of(
     target: Point,
     fov_rad: float | None,
     *,
-    collided: bool,
+    contact: Contact | None,
 ) -> Truth:
     """Return the ground truth of a moment.
 
@@ -75,7 +75,7 @@ def truth_of(
         camera: the camera's.
         target: where the target stands: its feet.
         fov_rad: the mask's horizontal field of view; without one, the target is taken to be in view.
-        collided: the robot touches something.
+        contact: what the robot touches.
     """
     x, y, _ = target
     return Truth(
@@ -85,7 +85,7 @@ def truth_of(
         target_xy=(x, y),
         distance_m=robot.distance_to(x, y),
         bearing_rad=robot.bearing_to(x, y),
-        collided=collided,
+        contact=contact,
         in_view=fov_rad is None or _in_view(camera, fov_rad, mask.shape[0] / mask.shape[1], target),
     )
 

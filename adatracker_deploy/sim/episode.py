@@ -112,5 +112,5 @@ def _step(command: Twist, outcome: Outcome) -> Step:
         truth.distance_m,
         truth.bearing_rad,
         outcome.observation.box,
-        truth.collided,
+        truth.contact is not None,
     )

@@ -36,14 +36,14 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from adatracker_deploy.core.messages import ClassMask, Truth
+    from adatracker_deploy.core.messages import ClassMask, Contact, Truth
     from adatracker_deploy.sim.render.renderer import Renderer
 
 PERSON_RADIUS_M = 0.3
 """Half the width of a person, for collisions and for keeping apart."""
 
 HEADROOM_M = 0.5
-"""Height above people's heads below which they avoid a robot; more than any body's radius in `collides`."""
+"""Height above people's heads below which they avoid a robot; more than any body's radius in `contact`."""
 
 _STRIDE_S = 0.1
 """Longest interval between people's decisions where to walk, however rarely the world is stepped."""
@@ -176,18 +176,18 @@ class World:
         self._pose_people(self._renderer)
         return self._renderer.draw(camera, fov_rad, height, width)
 
-    def collides(self, x: float, y: float, z: float, radius_m: float) -> bool:
-        """Return whether a sphere at this point touches an obstacle, a wall or a person."""
+    def contact(self, x: float, y: float, z: float, radius_m: float) -> Contact | None:
+        """Return what a sphere at this point touches: an obstacle, which may be a wall, or a person."""
         if self._space.touches(x, y, z, radius_m):
-            return True
+            return "an obstacle"
         people = self.people_xy
         across = np.hypot(people[:, 0] - x, people[:, 1] - y) - PERSON_RADIUS_M
-        for gap, (px, py) in zip(across.tolist(), people.tolist(), strict=True):
+        for index, (gap, (px, py)) in enumerate(zip(across.tolist(), people.tolist(), strict=True)):
             foot = self.ground_z(px, py)
             above = max(foot - z, z - foot - HEIGHT_M, 0.0)
             if math.hypot(max(gap, 0.0), above) < radius_m:
-                return True
-        return False
+                return "another person" if index else "the target"
+        return None
 
     def grounded(self, pose: Pose, radius_m: float) -> Pose:
         """Return the pose at which a ground body heading for `pose` ends up.
@@ -211,8 +211,8 @@ class World:
             fov_rad: the mask's horizontal field of view; without one, the target is taken to be in view.
         """
         x, y = self.target_xy
-        collided = self.collides(robot.x, robot.y, robot.z, radius_m)
-        return truth_of(mask, robot, camera, (x, y, self.ground_z(x, y)), fov_rad, collided=collided)
+        contact = self.contact(robot.x, robot.y, robot.z, radius_m)
+        return truth_of(mask, robot, camera, (x, y, self.ground_z(x, y)), fov_rad, contact=contact)
 
     def _stride(self, dt_s: float, robot: Pose | None) -> None:
         for index, (walker, gait) in enumerate(zip(self._walkers, self._gaits, strict=True)):

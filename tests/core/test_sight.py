@@ -34,7 +34,6 @@ def truth(*drawn, in_view=True, scale=1):
         target_xy=(2.5, 0.0),
         distance_m=2.5,
         bearing_rad=0.0,
-        collided=False,
         in_view=in_view,
     )
 

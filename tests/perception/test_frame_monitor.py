@@ -15,7 +15,7 @@ from adatracker_deploy.core.geometry import Pose
 from adatracker_deploy.core.messages import Frame, Truth
 from adatracker_deploy.perception.frame_monitor import FROZEN_AFTER_S, SILENT_AFTER_S, FrameMonitor
 
-TRUTH = Truth(np.zeros((48, 64), np.uint8), Pose(), Pose(), (1.0, 0.0), 1.0, 0.0, collided=False)
+TRUTH = Truth(np.zeros((48, 64), np.uint8), Pose(), Pose(), (1.0, 0.0), 1.0, 0.0)
 
 
 def frame(t_s, seed=0, **changes):

@@ -26,7 +26,7 @@ from tests.kept import blocks_in_use
 from tests.tiers import EXHAUSTIVE
 
 CLOCK = MonotonicClock()
-TRUTH = Truth(np.ones((48, 64), np.uint8), Pose(1.0), Pose(2.0), (3.0, 4.0), 5.0, 0.5, collided=False)
+TRUTH = Truth(np.ones((48, 64), np.uint8), Pose(1.0), Pose(2.0), (3.0, 4.0), 5.0, 0.5)
 ONE_PART = part(jpeg(picture()))
 
 

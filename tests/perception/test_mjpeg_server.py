@@ -27,7 +27,7 @@ from adatracker_deploy.perception.mjpeg_server import MjpegServer
 from adatracker_deploy.perception.multipart import MultipartParser
 from adatracker_deploy.perception.truth_wire import decode_truth
 
-TRUTH = Truth(np.ones((8, 8), np.uint8), Pose(1.0), Pose(2.0), (3.0, 4.0), 5.0, 0.5, collided=True)
+TRUTH = Truth(np.ones((8, 8), np.uint8), Pose(1.0), Pose(2.0), (3.0, 4.0), 5.0, 0.5, contact="an obstacle")
 
 
 @pytest.fixture
@@ -106,7 +106,7 @@ def test_every_watcher_sees_what_is_published_and_it_is_encoded_once(server, mon
 
 def test_any_program_can_watch_with_a_truth_as_large_as_they_come(server):
     busy = np.random.default_rng(0).integers(0, 4, (240, 320)).astype(np.uint8)
-    truth = Truth(busy[:160, :160], Pose(), Pose(), (0.0, 0.0), 1.0, 0.0, collided=False)
+    truth = Truth(busy[:160, :160], Pose(), Pose(), (0.0, 0.0), 1.0, 0.0)
     ended = threading.Event()
 
     def film():

@@ -13,7 +13,7 @@ from adatracker_deploy.perception.segmenter import check_observation
 RATE_HZ = 20.0
 MASK = np.zeros((64, 64), np.uint8)
 MASK[16:56, 24:40] = 1
-TRUTH = Truth(MASK, Pose(), Pose(), (2.5, 0.0), 2.5, 0.0, collided=False)
+TRUTH = Truth(MASK, Pose(), Pose(), (2.5, 0.0), 2.5, 0.0)
 RGB = np.zeros((64, 64, 3), np.uint8)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import struct
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from hypothesis.extra import numpy as arrays
 
 from adatracker_deploy.core.geometry import Pose
 from adatracker_deploy.core.mask_png import encode_mask
-from adatracker_deploy.core.messages import Truth
+from adatracker_deploy.core.messages import Contact, Truth
 from adatracker_deploy.perception.truth_wire import decode_truth, encode_truth
 
 NUMBERS = st.floats(-1e6, 1e6)
@@ -28,9 +29,9 @@ TRUTHS = st.builds(
     target_xy=st.tuples(NUMBERS, NUMBERS),
     distance_m=NUMBERS,
     bearing_rad=NUMBERS,
-    collided=st.booleans(),
+    contact=st.sampled_from([None, *get_args(Contact)]),
 )
-ONE = Truth(np.ones((4, 6), np.uint8), Pose(1.0), Pose(2.0), (3.0, 4.0), 5.0, 0.5, collided=False)
+ONE = Truth(np.ones((4, 6), np.uint8), Pose(1.0), Pose(2.0), (3.0, 4.0), 5.0, 0.5)
 
 
 def encoded(mask_png=None, **changes):

@@ -52,7 +52,7 @@ class Lens:
     def shoot(self, stamp_ns=None):
         """Take the next picture: grey by its number, and so far away in its truth."""
         self.shots += 1
-        truth = Truth(np.zeros((2, 2), np.uint8), Pose(), Pose(), (0.0, 0.0), float(self.shots), 0.0, False)
+        truth = Truth(np.zeros((2, 2), np.uint8), Pose(), Pose(), (0.0, 0.0), float(self.shots), 0.0)
         stamp_ns = stamp_ns or time.time_ns()
         self._truths.put(encode_stamped_truth(stamp_ns, truth), 0)
         data = png(self.shots % 256)

@@ -13,6 +13,7 @@ from adatracker_deploy.core.messages import (
     Action,
     Answer,
     Box,
+    Contact,
     Frame,
     MaskClass,
     Observation,
@@ -46,7 +47,7 @@ class Rehearsal:
     tick: int = -1
     box: Box | None = BOX
     age_s: float = 0.02
-    collided: bool = False
+    contact: Contact | None = None
     status_now: LinkStatus | None = FLYING
     living: bool = True
     frame: bool = True
@@ -77,7 +78,7 @@ class Rehearsal:
         for name, value in self.at.get(self.tick, {}).items():
             setattr(self, name, value)
         t_ns = self.clock.now_ns() - round(self.age_s * 1e9)
-        truth = Truth(MASK, Pose(), Pose(), (2.5, 0.0), 2.5, 0.1, self.collided)
+        truth = Truth(MASK, Pose(), Pose(), (2.5, 0.0), 2.5, 0.1, self.contact)
         frame = Frame(RGB, t_ns, self.tick, truth)
         observation = Observation(MASK, self.box, 1.0, t_ns, self.tick, self.target, pick=self.pick)
         seen = Seen(frame, observation, taken_ns=t_ns + 4_000_000, ready_ns=t_ns + 13_000_000)

@@ -134,7 +134,7 @@ def test_a_policy_that_is_late_for_two_seconds_ends_the_trial(change):
         ({"frame": False}, "system_fault", "no frame"),
         ({"living": False}, "system_fault", "link process died"),
         ({"status_now": None}, "system_fault", "link process died"),
-        ({"collided": True}, "collision", "touched"),
+        ({"contact": "another person"}, "collision", "the robot touched another person"),
     ],
 )
 def test_what_breaks_ends_the_trial_with_its_reason(change, outcome, reason):

@@ -147,7 +147,6 @@ NOTHING = Truth(
     target_xy=(0.0, 0.0),
     distance_m=0.0,
     bearing_rad=0.0,
-    collided=False,
 )
 
 
@@ -201,7 +200,7 @@ def test_in_its_own_frame_a_robot_begins_where_it_is_wherever_that_is():
     second = own.take(View(STEP_NS, turned, turned, going=False)).truth
     assert second.bearing_rad == pytest.approx(-0.3, abs=0.02)
     below = hovering @ Pose(x=2.5, z=-1.0)
-    assert own.take(View(2 * STEP_NS, below, below, going=False)).truth.collided
+    assert own.take(View(2 * STEP_NS, below, below, going=False)).truth.contact == "the target"
 
 
 @pytest.mark.parametrize(("yaw", "in_view"), [(0.0, True), (0.7, True), (1.2, False), (3.1, False)])

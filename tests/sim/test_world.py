@@ -51,7 +51,7 @@ def test_a_robot_starts_on_free_ground_and_sees_the_target_straight_ahead_at_2_5
     assert start.distance_to(*world.target_xy) == pytest.approx(2.5, abs=1e-6)
     assert start.bearing_to(*world.target_xy) == pytest.approx(0.0, abs=1e-6)
     assert start.z == world.ground_z(start.x, start.y)
-    assert not world.collides(start.x, start.y, start.z, 0.3)
+    assert world.contact(start.x, start.y, start.z, 0.3) is None
     box = Box.of_mask(world.render_mask(start @ Pose(z=1.0), math.pi / 2, 64, 64))
     assert box is not None
     assert box.cx == pytest.approx(0.5, abs=0.06)
@@ -96,7 +96,7 @@ def test_the_target_does_not_walk_through_a_robot_that_blocks_its_way(height_m):
     robot = world.start @ Pose(x=4.5, z=height_m)
     for _ in range(60):
         world.step(0.1, robot)
-        assert not world.collides(robot.x, robot.y, robot.z, 0.3)
+        assert world.contact(robot.x, robot.y, robot.z, 0.3) is None
     assert robot.distance_to(*world.target_xy) >= BERTH_M
     overhead = Pose(robot.x, robot.y, 2.5)
     for _ in range(60):
@@ -120,15 +120,15 @@ def test_no_time_changes_nothing():
 
 
 def test_walls_people_and_obstacles_collide_at_their_height():
-    world = World("simple_room", seed=7)
-    x, y = world.target_xy
-    assert world.collides(x, y, 1.0, 0.1)
-    assert world.collides(x + 0.5, y, 1.0, 0.3)
-    assert not world.collides(x, y, 2.2, 0.3)
-    assert world.collides(world.scene.half_x_m, 0.0, 1.0, 0.3)
+    world, empty = World("simple_room", seed=7, others=2), World("simple_room", seed=7, obstacles=False)
+    for (x, y), name in zip(world.people_xy, ("the target", "another person", "another person"), strict=True):
+        assert world.contact(x, y, 1.0, 0.1) == name
+        assert world.contact(x + 0.5, y, 1.0, 0.3) == name
+        assert world.contact(x, y, 2.2, 0.3) is None
+    assert world.contact(world.scene.half_x_m, 0.0, 1.0, 0.3) == "an obstacle"
     for thing in world.scene.things:
-        assert world.collides(thing.x, thing.y, 0.0, 0.1)
-        assert not World("simple_room", seed=7, obstacles=False).collides(thing.x, thing.y, 0.0, 0.1)
+        assert world.contact(thing.x, thing.y, 0.0, 0.1) == "an obstacle"
+        assert empty.contact(thing.x, thing.y, 0.0, 0.1) is None
 
 
 @settings(max_examples=30, deadline=None)
@@ -159,7 +159,7 @@ def test_truth_says_where_the_target_is():
     assert truth.distance_m == pytest.approx(2.5)
     assert truth.bearing_rad == pytest.approx(0.3)
     assert truth.target_xy == world.target_xy
-    assert not truth.collided
+    assert truth.contact is None
 
 
 def test_people_who_cross_hide_the_target_from_a_robot_more_often_than_others_do():

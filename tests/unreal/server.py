@@ -186,7 +186,7 @@ class Game:
             self.walking.discard(name)
         elif function == "get_hit":
             robot = self.robot
-            return f'{{"hit":"{int(self.world.collides(robot.x, robot.y, robot.z, RADIUS_M))}"}}'
+            return f'{{"hit":"{int(self.world.contact(robot.x, robot.y, robot.z, RADIUS_M) is not None)}"}}'
         elif function not in {"reset", "set_phy"}:
             return f"error {function}"
         return "{}"

@@ -16,7 +16,7 @@ from adatracker_deploy.perception.mjpeg import MjpegCamera
 from adatracker_wheeled.sim.camera import FailingCamera
 
 CLOCK = MonotonicClock()
-TRUTH = Truth(np.ones((8, 8), np.uint8), Pose(), Pose(), (3.0, 4.0), 5.0, 0.5, collided=False)
+TRUTH = Truth(np.ones((8, 8), np.uint8), Pose(), Pose(), (3.0, 4.0), 5.0, 0.5)
 
 
 def frame(seq):

@@ -66,7 +66,7 @@ class UnrealWorld:
         self._engine, self._lock_step, self._runs = engine, lock_step, False
         self._people = engine.people(others)
         self._lens: tuple[float, int, int] | None = None
-        self._collided = False
+        self._hit = False
         engine.do("vset /action/game/pause")
         self._place_people(np.random.default_rng(seed))
         self._lift = self._lifts()
@@ -134,7 +134,7 @@ class UnrealWorld:
         fov_rad: float | None = None,
     ) -> Truth:
         """Return the ground truth; collisions are the engine's, of the robot's body there."""
-        return truth_of(mask, robot, camera, self._foot, fov_rad, collided=self._collided)
+        return truth_of(mask, robot, camera, self._foot, fov_rad, contact="something" if self._hit else None)
 
     @property
     def _target(self) -> str:
@@ -188,7 +188,7 @@ class UnrealWorld:
         foot = to_pose(_lowered(target, self._lift[self._target]), _LEVEL)
         self._foot = foot.x, foot.y, foot.z
         self._robot_z = (robot[2] - self._lift[ROBOT]) / CM
-        self._collided = b"1" in hit  # as UnrealZoo reads it
+        self._hit = b"1" in hit  # as UnrealZoo reads it
 
     def _lifted(self, robot: Pose) -> Triple:
         x, y, z = to_location(robot)
