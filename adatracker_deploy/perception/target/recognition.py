@@ -72,7 +72,8 @@ half of them with somebody in the target's own body and clothes, 17 end on someb
 21 without."""
 _CHANGED = 0.3
 """Rise of somebody's similarity to the target over the one beside it from which on their track is not on who
-it was on: they crossed, and tracks are swapped when people cross."""
+it was on: they crossed, and tracks are swapped when people cross. Of 190 people of PETS with jittered boxes,
+three end on somebody else with this rule and five without."""
 _SMOOTHING_HEIGHT, _ANEW_S = 0.3, 1.0
 """Share of a new height in the target's known one, and the time since it last stood free after which that
 begins anew: half hidden it is lower, and with somebody in its box taller."""
