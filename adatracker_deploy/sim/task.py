@@ -52,7 +52,7 @@ class Task:
     """One episode: `begin`, then `step` until it ends.
 
     After each sub-step a `GroundBody` is kept on the ground and out of obstacles, by its `place`; any other
-    body is free to fly. `Truth.contact` says which obstacle or person it touches.
+    body is free to fly. `Truth.contact` says what it touches, obstacle or person.
     """
 
     def __init__(self, world: WorldBackend, body: Body, settings: TaskSettings) -> None:
